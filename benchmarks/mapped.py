@@ -93,7 +93,7 @@ def measured(family: str, n: int, solvers: list[str], repetitions: int, native: 
     import acausal
     from acausal.models.mass_chain import MassSpringDamperChain
     from acausal.models.rc_ladder import RCLadder
-    from acausal.simulate.equations.numbered import Numbered
+    from acausal.simulate.equations.scaled import ScaledEquations
 
     compiled = acausal.compile({"ladder": RCLadder, "chain": MassSpringDamperChain}[family](n=n), cache=False)
     p = np.array(compiled.parameter_values)
@@ -105,7 +105,7 @@ def measured(family: str, n: int, solvers: list[str], repetitions: int, native: 
     if form is None:
         return
     models = forms(compiled)
-    evaluated({name: Numbered(model, p, np.zeros(0)).dae for name, model in models.items()}, repetitions)
+    evaluated({name: ScaledEquations(model, p, np.zeros(0)).dae for name, model in models.items()}, repetitions)
     for solver in solvers:
         jobs = {name: partial(run, models, name, solver, False) for name in FORMS}
         line(f"run, {solver}", {k: v * 1e3 for k, v in fastest(jobs, repetitions).items()}, "ms")
@@ -192,7 +192,7 @@ def main() -> None:
             print(f"ladder {n} by hand")
             evaluated(prototype(n), given.repetitions)
         return
-    sizes = QUICK if given.quick else SIZES
+    sizes = QUICK if given.buffered else SIZES
     cases = [(f, n) for f, all_n in sizes.items() for n in all_n] if given.case is None else [given.case]
     with tempfile.TemporaryDirectory() as folder:
         os.environ["ACAUSAL_CACHE"] = folder

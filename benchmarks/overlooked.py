@@ -44,7 +44,7 @@ from acausal.models.clutches import ClutchChain
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.rc_ladder import RCLadder
-from acausal.simulate.equations.calls.direct import called
+from acausal.simulate.equations.calls.raw import called
 from acausal.simulate.solvers.base import SMOOTH_SHARE
 
 TOLERANCE = 1e-8

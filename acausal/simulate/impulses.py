@@ -23,7 +23,7 @@ from acausal.errors import EventError, UsageError
 from acausal.flatten.reduced import nominal
 from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.tolerances import Tolerances
 
@@ -41,10 +41,10 @@ def refuse_jumps(
 
     `instants`, `modes`: Start, time events and stop of a run; the modes between two of them, shape (nm,).
     """
-    switched = kept(compiled).switched
+    switched = functions_of(compiled).switched
     if not switched or len(instants) < 3:
         return
-    values = kept(compiled).switches
+    values = functions_of(compiled).switches
 
     def name_of(kind: str, k: int) -> str:
         return compiled.parameters[k]

@@ -90,7 +90,7 @@ def least_overlap(a: Shape, pose_a: Pose, b: Shape, pose_b: Pose, rng: np.random
     overlaps = plane_heights(a, pose_a, b, pose_b, d)
     best = float(overlaps.min())
     polyhedra = all(isinstance(s, (Box, ConvexHull)) for s in (a, b))
-    # Apart, the nearest points may be two corners.
+    # IndependentSystems, the nearest points may be two corners.
     if polyhedra and best > 0.0:
         return best
     n = _spread(d[np.argsort(overlaps)[:3000]])

@@ -55,7 +55,7 @@ def compare(compiled: CompiledModel, p: Any = None, points: int = 3) -> None:
     p = np.array(compiled.parameter_values) if p is None else p
     form, rng = of(compiled, p), np.random.default_rng(1)
     problem = Problem(compiled, p, np.zeros(0))
-    flat_t, flat_x, flat_z, flat_p, ode, alg = problem.numbered.scaled
+    flat_t, flat_x, flat_z, flat_p, ode, alg = problem.scaled.scaled
     none = ca.SX(0, 1)
     flat = ca.Function("flat", [flat_t, flat_x, flat_z, flat_p, ca.SX(0, 1)], [ode, alg, none, none])
     columns = form.dae(problem.scale_x, problem.scale_z, np.array(form.constants(p, [])).ravel())

@@ -25,7 +25,7 @@ class Dop853:
         numbers = problem.vector(segment.p, segment.x, segment.start)
 
         def rates(t: float, x: np.ndarray) -> np.ndarray:
-            return np.asarray(problem.numbered.quick(t, x, np.zeros(0), numbers, [])[0])
+            return np.asarray(problem.scaled.buffered(t, x, np.zeros(0), numbers, [])[0])
 
         end, grid = float(segment.times[-1]) - segment.start, segment.times - segment.start
         start = segment.x[: problem.n_dynamic] / problem.scale_x

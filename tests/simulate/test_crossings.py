@@ -301,7 +301,7 @@ def test_events_depend_on_neither_outputs_nor_stop_time(model: type[Component], 
     assert events(stop_time=0.83 * stop) == pytest.approx(usual, abs=1e-7 * stop)
 
 
-class Narrow(Component):
+class NarrowFunction(Component):
     """y' = 1e3 where |x - 5| < 1e-3 and x' = 1: y(9) = 2; the guard has a kink, and lasts 2 ms of 9 s."""
 
     x: Real = variable(default=fixed(0.0))
@@ -316,6 +316,6 @@ class Narrow(Component):
 @pytest.mark.parametrize("stop", [5.0011, 9.0, 40.0])
 def test_a_kinked_guard_is_not_passed_there_and_back(solver: str, stop: float) -> None:
     """Two looks at both sides of the kink, and a parabola through them, say that the guard turns back far above."""
-    r = acausal.simulate(Narrow(), stop_time=stop, solver=solver)
+    r = acausal.simulate(NarrowFunction(), stop_time=stop, solver=solver)
     assert r.final("y") == pytest.approx(2.0, abs=1e-5)
     assert [e.time for e in r.events] == pytest.approx([4.999, 5.001], abs=1e-6)

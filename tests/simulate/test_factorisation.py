@@ -12,7 +12,7 @@ import acausal
 from acausal import Component, Equations, Real, der, reset, variable, when
 from acausal.simulate.equations import factorisation as counted
 from acausal.simulate.equations.factorisation import FEW, factorisation
-from acausal.simulate.equations.numbered import numbered
+from acausal.simulate.equations.scaled import scaled_equations
 
 K = 3.0
 
@@ -134,7 +134,7 @@ def test_states_come_back_in_their_own_places(
     monkeypatch.setattr(counted, "_DOUBT", 0.0)  # LU for the one with algebraic variables, too
     compiled = acausal.compile(model())
     assert len(compiled.algebraic) == (100 if model is Implicit else 0)
-    used = numbered(compiled, np.array(compiled.parameter_values), np.zeros(0)).factorisation
+    used = scaled_equations(compiled, np.array(compiled.parameter_values), np.zeros(0)).factorisation
     assert used.x is not None
     assert used.x[0] != 0  # the hub comes late
     result = acausal.simulate(compiled, solver=solver, stop_time=0.5, tolerance=1e-8)

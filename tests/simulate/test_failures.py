@@ -27,7 +27,7 @@ from acausal import (
 from acausal.errors import IntegrationError
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
-from acausal.simulate.solvers.patience import PATIENCE, Counted, crawl, salvage
+from acausal.simulate.solvers.recovery import RECOVERY_STEPS, Counted, crawl, recover
 from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.tolerances import Tolerances
 
@@ -256,7 +256,7 @@ def until(wall: float) -> list[float]:
     def integrate(segment: Segment) -> Piece:
         nonlocal tried
         tried += 1
-        assert segment.patience == PATIENCE
+        assert segment.step_budget == RECOVERY_STEPS
         if segment.times[-1] > wall:
             raise RuntimeError("IDA_TOO_MUCH_WORK")
         return Piece(segment.times[None, :], np.zeros((0, 1)), {})
@@ -299,7 +299,7 @@ def test_a_run_that_would_take_for_ever_is_given_up() -> None:
         return Piece(np.zeros((1, n)), np.zeros((0, n)), {"steps": 1000.0})
 
     grid = np.linspace(0.0, 1.0, 1001)[1:]
-    reached, piece = salvage(integrate, replace(SEGMENT, start=0.0, times=grid), lambda times, piece: piece)
+    reached, piece = recover(integrate, replace(SEGMENT, start=0.0, times=grid), lambda times, piece: piece)
     assert piece is None
     assert 0.0 < reached.start < 1e-2
     assert steps < 300_000
@@ -327,7 +327,7 @@ def test_no_solver_takes_more_steps_than_it_may(solver: str, native: bool) -> No
     """
     compiled = acausal.compile(Whirl(w=2.0 * math.pi))
     problem = Problem(compiled, np.array([2.0 * math.pi]), np.zeros(0), native)
-    segment = replace(SEGMENT, x=np.array([1.0, 0.0]), patience=1000)
+    segment = replace(SEGMENT, x=np.array([1.0, 0.0]), step_budget=1000)
     piece = solver_named(solver).integrate(problem, replace(segment, times=np.array([1.0])))
     assert piece.x[:, -1] == pytest.approx([1.0, 0.0], abs=1e-4)
     with pytest.raises(RuntimeError):

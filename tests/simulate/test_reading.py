@@ -15,7 +15,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.pendulum import Pendulum
 from acausal.models.rc_ladder import RCLadder
-from acausal.simulate.equations.calls.quick import Narrow
+from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.record import record
 
 MODELS: dict[str, Callable[[], Component]] = {
@@ -76,7 +76,7 @@ def test_a_signal_is_handed_the_states_it_needs_only() -> None:
     assert len(current) == 3001
     np.testing.assert_allclose(current, left - right, rtol=1e-12, atol=1e-15)  # 1 Ohm
     x = ca.SX.sym("x", 5000)
-    read = Narrow("read", [ca.SX.sym("t"), x], x[17] * x[4000])
+    read = NarrowFunction("read", [ca.SX.sym("t"), x], x[17] * x[4000])
     rows = np.arange(12.0)[:, None] * np.ones(5000)
     np.testing.assert_array_equal(read.many(np.zeros((12, 1)), rows)[:, 0], np.arange(12.0) ** 2)
-    assert read._quick.function.nnz_in() == 2
+    assert read._buffered.function.nnz_in() == 2

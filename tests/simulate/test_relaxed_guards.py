@@ -49,11 +49,11 @@ def test_errors_relax_as_an_implicit_step_lets_them(monkeypatch: pytest.MonkeyPa
     g = here.guards(0.0, x, [], [], p, m)[0]
     assert sorted(g) == pytest.approx(sorted(level.values()))
     every = np.resize(np.arange(len(g)), held_.TOGETHER)
-    together = here.quick_relaxed_together(0.0, x, [], [], p, m, e, h, every)[0]
+    together = here.buffered_relaxed_together(0.0, x, [], [], p, m, e, h, every)[0]
     for k, value in enumerate(g):
         which = next(name for name, at in level.items() if at == pytest.approx(value))
         expected = np.abs(np.array(slopes[which]) @ np.linalg.inv(np.eye(3) - h * jacobian)) @ e
-        found = here.quick_relaxed(0.0, x, [], [], p, m, e, h, k)[0]
+        found = here.buffered_relaxed(0.0, x, [], [], p, m, e, h, k)[0]
         assert found == pytest.approx(expected, rel=1e-9)
         assert together[k] == together[k + len(g)] == pytest.approx(expected, rel=1e-9)
         assert found < 0.5 * np.abs(slopes[which]) @ e  # x is known to what follows from y
@@ -65,7 +65,7 @@ def test_a_slope_without_bound_is_that_of_its_own_guard_only() -> None:
     here = held_.Held(compiled, (), None)
     m, e = np.ones(compiled.n_modes), np.array([1e-3, 2e-4, 0.0])
     p = np.array([1e6, 0.5])
-    found = [here.quick_relaxed(0.0, np.zeros(3), [], [], p, m, e, 1e-3, k)[0][0] for k in range(3)]
+    found = [here.buffered_relaxed(0.0, np.zeros(3), [], [], p, m, e, 1e-3, k)[0][0] for k in range(3)]
     assert sum(math.isfinite(v) for v in found) == 2
 
 

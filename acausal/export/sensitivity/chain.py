@@ -26,7 +26,7 @@ from acausal.export.variation.variation import Variation
 from acausal.lower.symbols import Symbols
 from acausal.simulate.driver.hybrid import Passage
 from acausal.simulate.driver.run import Run
-from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.events.regime import Regime
 
 # Relative distance below which two instants coincide.
@@ -160,7 +160,7 @@ class Chain:
         c, regime, k = self.compiled, stretch.regime, len(times)
         outputs = tuple(output.name for output in self.wanted)
         key = "shown", *outputs, tuple(self.chosen), regime.holds, regime.border
-        packed = self.slopes.kept(key, lambda: Quick(self._packed(regime)))
+        packed = self.slopes.kept(key, lambda: BufferedFunction(self._packed(regime)))
         rows = packed.many(times[:, None], w[:, : self.nx], w[:, self.nx :], self.u, self.p, stretch.m)
         nz, width = len(c.algebraic), (self.size, self.count, len(c.algebraic))
         shapes = [(size, n) for size in (len(outputs), nz) for n in width]

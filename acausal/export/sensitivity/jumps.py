@@ -22,7 +22,7 @@ from acausal.flatten.pool import RELATIONS
 from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Narrow
+from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.events.guards import Moment
 
 _STEPS = frozenset(("sign", "floor", "ceil"))
@@ -38,7 +38,7 @@ _WIDTH = 60
 class _Sides:
     """Functions below `no_event` that may jump: differences of the sides of relations, and arguments of `steps`."""
 
-    function: Narrow
+    function: NarrowFunction
     steps: NDArray[np.bool_]
     texts: tuple[str, ...]
 
@@ -136,4 +136,4 @@ def _build(compiled: CompiledModel) -> _Sides | None:
 
     texts = tuple(to_text(pool, n, name_of, _WIDTH) for n in found)
     steps = np.array([pool.nodes[n][0] in ("floor", "ceil") for n in found])
-    return _Sides(Narrow("sides", symbols.inputs, ca.densify(ca.vertcat(*values))), steps, texts)
+    return _Sides(NarrowFunction("sides", symbols.inputs, ca.densify(ca.vertcat(*values))), steps, texts)

@@ -13,8 +13,8 @@ from acausal.arrays import Vector
 from acausal.export.variation.slopes import memories
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Quick
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.calls.buffered import BufferedFunction
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.regime import Regime
 
 # By model, compared by identity, until nobody else refers to it.
@@ -26,12 +26,12 @@ class Matrices:
     """A function with matrix outputs, evaluated with little overhead."""
 
     def __init__(self, function: Any) -> None:
-        self._quick = Quick(function)
+        self._buffered = BufferedFunction(function)
         self._shapes = [function.size_out(k) for k in range(function.n_out())]
 
     def __call__(self, *arguments: Any) -> list[Vector]:
         """The outputs as arrays of their shapes."""
-        return [v.reshape(shape) for v, shape in zip(self._quick(*arguments), self._shapes, strict=True)]
+        return [v.reshape(shape) for v, shape in zip(self._buffered(*arguments), self._shapes, strict=True)]
 
 
 class Slopes:
@@ -90,4 +90,4 @@ class Slopes:
 
     def rate(self, regime: Regime, t: float, moment: Any) -> Vector:
         """The rates of the states at a point, shape (nx,)."""
-        return kept(regime.compiled).rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]
+        return functions_of(regime.compiled).rhs(t, moment.x, moment.z, self.u, self.p, moment.m)[0]

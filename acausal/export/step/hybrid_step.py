@@ -35,7 +35,7 @@ from acausal.lower.casadi_model import Port
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.functions import AT_REST
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Guards, Moment
 from acausal.simulate.events.held import Hold
@@ -406,7 +406,7 @@ def _refuse_shares(compiled: CompiledModel, begin: StartPoint) -> None:
 
     Checked with all elements stuck. Raises ExportError: AC610.
     """
-    shares = kept(compiled).shares
+    shares = functions_of(compiled).shares
     if shares is None:
         return
     reduced = compiled.solution.structure.reduced

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 _DENSE = 30  # number of variables up to which dense matrices are faster than sparse ones
 
@@ -60,12 +60,12 @@ class Slopes:
         self.rows = np.array(pattern.row(), dtype=np.int64)
         self.columns = np.repeat(np.arange(self.n + self.count), np.diff(self.starts))
         self.is_small = self.n <= _DENSE
-        self._mapped: dict[int, Quick] = {}
+        self._mapped: dict[int, BufferedFunction] = {}
 
     @cached_property
-    def quick(self) -> Quick:
+    def buffered(self) -> BufferedFunction:
         """`value`, evaluated with little overhead."""
-        return Quick(self.value)
+        return BufferedFunction(self.value)
 
     def at(self, t: float, w: Vector, c: Vector, m: Vector) -> tuple[Vector, Vector]:
         """Value, shape (n,), and entries, shape (n_entries,), at a point; `w`, `c`, `m` as in the class."""
@@ -79,7 +79,7 @@ class Slopes:
         """
         k = len(t)
         if k not in self._mapped:
-            self._mapped[k] = Quick(self.slopes.map("stages", "serial", k, [2, 3], []))
+            self._mapped[k] = BufferedFunction(self.slopes.map("stages", "serial", k, [2, 3], []))
         values, entries = self._mapped[k](t, w.ravel(), c, m)
         return values.T, entries.reshape(-1, k).T
 
@@ -90,8 +90,8 @@ class Slopes:
         return found
 
     @cached_property
-    def _own(self) -> Quick:
-        return Quick(self.slopes)
+    def _own(self) -> BufferedFunction:
+        return BufferedFunction(self.slopes)
 
     @cached_property
     def instructions(self) -> int:

@@ -152,7 +152,7 @@ def explicit(slopes: Slopes, interval: Interval, stiffness: Stiffness) -> Iterat
         if t >= until:
             until = next(ends)
         if h == 0.0:
-            rate = float(np.abs(slopes.quick(t, w, c, m)[0] / (SMALL + np.abs(w))).max(initial=1e-12))
+            rate = float(np.abs(slopes.buffered(t, w, c, m)[0] / (SMALL + np.abs(w))).max(initial=1e-12))
             h = tolerance ** (1 / 8) / rate
         whole, h = h, until - t if t + 1.01 * h >= until else h
         if t + h <= t or h < LEAST * (end - interval.start):
@@ -160,7 +160,7 @@ def explicit(slopes: Slopes, interval: Interval, stiffness: Stiffness) -> Iterat
         stages, rates = np.empty((2, EXPLICIT_STAGES + 1, len(w)))
         for i in range(EXPLICIT_STAGES + 1):
             stages[i] = w + h * (EXPLICIT_A[i, :i] @ rates[:i])
-            rates[i] = slopes.quick(t + h * EXPLICIT_C[i], stages[i], c, m)[0]
+            rates[i] = slopes.buffered(t + h * EXPLICIT_C[i], stages[i], c, m)[0]
         error = _error(h, w, stages[-1], rates, tolerance) if np.isfinite(rates).all() else np.inf
         if np.isfinite(error) and _is_held_back(h, stages[-1] - stages[-2], rates[-1] - rates[-2]):
             suspects, cleared = suspects + 1, 0

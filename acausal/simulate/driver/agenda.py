@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.direct import rows
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import NONE, Kinks
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.sampling import due, sample_times
@@ -89,7 +89,7 @@ Known = Callable[[CompiledModel, Vector, Inputs, float, float], Vector]
 """Instants known in advance: `(compiled, p, inputs, start, stop) -> times`, in any order, also outside of the run."""
 
 KNOWN: tuple[Known, ...] = (
-    lambda compiled, p, inputs, start, stop: kept(compiled).instants(p)[0],
+    lambda compiled, p, inputs, start, stop: functions_of(compiled).instants(p)[0],
     lambda compiled, p, inputs, start, stop: sample_times(compiled, p, start, stop),
     lambda compiled, p, inputs, start, stop: inputs.breaks,
 )

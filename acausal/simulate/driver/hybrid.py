@@ -27,7 +27,7 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import pace
-from acausal.simulate.solvers.patience import PATIENCE
+from acausal.simulate.solvers.recovery import RECOVERY_STEPS
 from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.tolerances import Tolerances
@@ -340,7 +340,7 @@ class Hybrid:
                         raise
                     mark = segment.start
                 self._gap, self._failed = reach / 64, True
-                segment = replace(segment, patience=PATIENCE)
+                segment = replace(segment, step_budget=RECOVERY_STEPS)
                 continue
             if stop is None:
                 self.guards.step = 0.0

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.awake import between
 from acausal.simulate.equations.arguments import Arguments, arguments
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.location.between import interpolated
 from acausal.simulate.events.location.looks import even
@@ -204,7 +204,7 @@ class _Search:
         """
         # as many as would tell most functions between them: fewer would only be followed by more
         count = max(_FEWEST, min(2 * int(piece.counters.get("steps", 0.0)), self._most))
-        wide = _finer(replace(segment, shares=None, partial=False, patience=None, first=0.0), count)
+        wide = _finer(replace(segment, shares=None, partial=False, step_budget=None, first=0.0), count)
         for share in (1.0, _STRICTER):
             try:
                 again, done = self._part(replace(wide, tolerances=segment.tolerances.scaled(share, least=_ONE)), np.inf)
@@ -357,7 +357,7 @@ class _Search:
     def _by_rates(self, segment: Segment, rows: _Rows) -> Vector:
         """Columns of values at more instants, by cubics with the states and rates of the rows on both sides."""
         p, n, times = self.problem, self.problem.n_dynamic, rows.times
-        rates = kept(p.compiled).rhs.many(times[:, None], rows.x.T, rows.z.T, p.u, p.p, segment.p)[:, :n]
+        rates = functions_of(p.compiled).rhs.many(times[:, None], rows.x.T, rows.z.T, p.u, p.p, segment.p)[:, :n]
         at = _finer(replace(segment, times=times[1:]), _FEWEST).times
         k = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
         h = (times[k] - times[k - 1])[:, None]
@@ -496,7 +496,7 @@ class _Search:
                 z = on_equations(p, replace(segment, times=places), x, z)
             except RuntimeError:
                 return np.full(len(places), np.inf), np.zeros(len(places), dtype=bool)
-        rates = kept(p.compiled).rhs.many(places[:, None], x.T, z.T, p.u, p.p, segment.p)[:, :n]
+        rates = functions_of(p.compiled).rhs.many(places[:, None], x.T, z.T, p.u, p.p, segment.p)[:, :n]
         allowed = segment.tolerances.of(x[:n].T, p.scale_x)
         off = np.abs(rates - slope)
         share = np.nan_to_num(off * width[:, None] / allowed, nan=np.inf)
@@ -519,7 +519,7 @@ class _Search:
         for stop in _apart(points, np.append(here, own)):
             times = own[(own > here) & (own < stop)]
             asked = replace(segment, start=here, times=np.append(times, stop), x=x, z=z, shares=None, first=0.0)
-            piece = self.solve(self.problem, replace(asked, partial=False, patience=None))
+            piece = self.solve(self.problem, replace(asked, partial=False, step_budget=None))
             keep = np.isin(asked.times, own)
             parts.append(Piece(piece.x[:, keep], piece.z[:, keep], piece.counters))
             here, x, z = stop, piece.x[:, -1], piece.z[:, -1]

@@ -23,13 +23,13 @@ from acausal.result.result import Result
 from acausal.simulate.delay.memory import Memory, check_undelayed
 from acausal.simulate.delay.start import begin, opened
 from acausal.simulate.driver.agenda import Agenda, Schedule, Source, known_instants, schedule
-from acausal.simulate.driver.apart import Apart, Member
 from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
+from acausal.simulate.driver.independent import IndependentSystems, Member
 from acausal.simulate.driver.overlooked import Overlooked
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.arguments import arguments
-from acausal.simulate.equations.kept import kept, truths
+from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink
@@ -93,7 +93,7 @@ class Run:
     unsearched: list[float] = field(default_factory=list)
     recorder: Recorder | None = None
     stopped: Segment | None = None
-    dynamics: Smooth | Hybrid | Apart | None = None
+    dynamics: Smooth | Hybrid | IndependentSystems | None = None
     _ask_at: float = STRETCHES * STRETCH
 
     @property
@@ -104,13 +104,13 @@ class Run:
     @property
     def hybrid(self) -> Hybrid | None:
         """The events of variables, where there may be some, of the model as one system."""
-        one = self.dynamics.one if isinstance(self.dynamics, Apart) else self.dynamics
+        one = self.dynamics.one if isinstance(self.dynamics, IndependentSystems) else self.dynamics
         return one if isinstance(one, Hybrid) else None
 
     @property
-    def apart(self) -> Apart | None:
+    def apart(self) -> IndependentSystems | None:
         """The systems that share no equation, where it is made of some."""
-        return self.dynamics if isinstance(self.dynamics, Apart) else None
+        return self.dynamics if isinstance(self.dynamics, IndependentSystems) else None
 
     @cached_property
     def problem(self) -> Problem:
@@ -244,7 +244,7 @@ class Run:
 
             members = self.members(known, template) if memory is None else []
             if members:
-                self.dynamics = Apart(problem, recorder, members, whole, self.interrupt.check, report)
+                self.dynamics = IndependentSystems(problem, recorder, members, whole, self.interrupt.check, report)
             else:
                 self.dynamics = whole()
         else:
@@ -333,7 +333,7 @@ class Run:
     def modes(self, a: float, b: float) -> Vector:
         """Modes of the time events, and numbers of inputs over time, between two instants."""
         middle = 0.5 * (a + b)
-        m: Vector = kept(self.compiled).modes(middle, self.p)[0]
+        m: Vector = functions_of(self.compiled).modes(middle, self.p)[0]
         return np.asarray(self.inputs.into(self.compiled, m[None, :], np.array([middle]))[0])
 
     def begun(self, m: Vector) -> Start:
@@ -399,7 +399,7 @@ class Run:
         """The result of what was recorded."""
         grid = self.options.grid() if self.outputs is None else self.outputs
         recorder.hide_at(self.tables.instants, np.append(grid, self.inputs.breaks))
-        known = kept(self.compiled).instants(self.p)[0]
+        known = functions_of(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, apart, native = self.hybrid, self.apart, self.problem.native
         more = apart.notes if apart is not None else tuple(hybrid.notes) if hybrid is not None else ()

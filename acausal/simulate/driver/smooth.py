@@ -24,7 +24,7 @@ from acausal.simulate.record.pivots import loses_pivots, may_lose_pivots
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import MOST_STEPS, pace, program
-from acausal.simulate.solvers.patience import salvage
+from acausal.simulate.solvers.recovery import recover
 from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start, consistent
 
@@ -114,12 +114,12 @@ class Smooth:
                 if not self.solver.multistep:
                     # what bounded its steps was the look at the pivots
                     with suppress(RuntimeError):
-                        return self._solved(replace(segment, patience=MOST_STEPS))
+                        return self._solved(replace(segment, step_budget=MOST_STEPS))
             if self.solver.multistep and "TOO_MUCH_WORK" in str(error):
                 segment, whole = self._finer(segment)
                 if whole is not None:
                     return whole
-            self._failed, last = salvage(partial(self.integrate, self.problem), segment, self._record)
+            self._failed, last = recover(partial(self.integrate, self.problem), segment, self._record)
             if last is not None:
                 return last  # in smaller pieces it went through
             raise
@@ -158,7 +158,7 @@ class Smooth:
     def _approached(self, segment: Segment) -> Segment:
         """What is left of a segment that failed when its first rows, up to where the solver crawls, are recorded."""
         try:
-            piece = self.integrate(self.problem, replace(segment, partial=True, patience=_FEW_STEPS))
+            piece = self.integrate(self.problem, replace(segment, partial=True, step_budget=_FEW_STEPS))
         except RuntimeError:
             return segment
         count = min(piece.x.shape[1], len(segment.times) - 1)

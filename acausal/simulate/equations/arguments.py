@@ -18,7 +18,7 @@ from acausal.arrays import Vector
 from acausal.lower.build import BUILD
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Narrow
+from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.equations.levels import Levels
 
 # Functions that change by less than this factor, or of which less than this share of a step changes, are not steep.
@@ -34,7 +34,7 @@ class Arguments:
     `owners` are the arguments that these columns belong to, first each to itself.
     """
 
-    function: Narrow
+    function: NarrowFunction
     levels: Levels
     owners: NDArray[np.int64]
     effects: Effects
@@ -163,7 +163,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     column = builder.column([builder.replaced(n) for n in nodes])
     owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
     column = ca.densify(column)
-    narrow = Narrow("arguments", symbols.inputs, column)
+    narrow = NarrowFunction("arguments", symbols.inputs, column)
     along = cache(partial(_along, symbols, column, found.kinds, compiled.n_dynamic))
     return Arguments(narrow, Levels(found.kinds), np.array(owners), Effects(compiled), along)
 

@@ -16,7 +16,7 @@ from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.numeric.table_ends import regular_groups, table_ends
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 
 # Instants nearer than this to those of relations of time, by the length of the run, are those.
 _APART = 1e-12
@@ -57,7 +57,7 @@ def kinks(compiled: CompiledModel, p: Vector, relative: float, start: float, sto
     ]  # fmt: skip
     if not parts:
         return NONE
-    located = np.append(kept(compiled).instants(p)[0], [start, stop])
+    located = np.append(functions_of(compiled).instants(p)[0], [start, stop])
     near = _APART * (stop - start)
     cuts: list[float] = []
     groups = [regular_groups(np.concatenate([[start], ends, [stop]])) for ends in parts]
@@ -86,7 +86,7 @@ def _others(instants: Vector, known: Vector, near: float) -> Vector:
 
 def time_ends(compiled: CompiledModel, p: Vector, relative: float) -> list[Vector]:
     """The instants at which stretches of each table of time end, ascending [s]."""
-    tables = kept(compiled).time_tables
+    tables = functions_of(compiled).time_tables
     if not tables:
         return []
     pool = compiled.solution.structure.reduced.pool

@@ -20,7 +20,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.numbered import Numbered, numbered
+from acausal.simulate.equations.scaled import ScaledEquations, scaled_equations
 from acausal.simulate.native.policy import Native
 
 
@@ -44,7 +44,7 @@ class Problem:
     """A compiled model seen by an integrator, for one run.
 
     States and algebraic variables are divided by their nominal magnitudes, so that one absolute tolerance fits all.
-    The model's parameters `p` and inputs `u` come to the equations as what they alone determine (`numbered.py`).
+    The model's parameters `p` and inputs `u` come to the equations as what they alone determine (`scaled.py`).
 
     `wanted_native` is the run's option `native`: whether to use the equations as compiled C.
     """
@@ -69,7 +69,7 @@ class Problem:
 
     @cached_property
     def _constants(self) -> Vector:
-        return self.numbered.constants(self.p, self.u)
+        return self.scaled.constants(self.p, self.u)
 
     @cached_property
     def scale_x(self) -> Vector:
@@ -87,9 +87,9 @@ class Problem:
         return Native(self.compiled, self.wanted_native, self.p)
 
     @cached_property
-    def numbered(self) -> Numbered:
+    def scaled(self) -> ScaledEquations:
         """The equations as integrators get them, with `p` and `u` as they are when this is first asked for."""
-        return numbered(self.compiled, self.p, self.u)
+        return scaled_equations(self.compiled, self.p, self.u)
 
     def solve_algebraic(self, segment: Stretch, x: Vector) -> Vector:
         """Algebraic variables at the times of a segment whose states are `x`; shape (nz, n).
@@ -151,10 +151,10 @@ class Problem:
         return False
 
     def _root(self, guess: Vector, t: float, states: Vector, numbers: Vector) -> Vector:
-        return self.numbered.algebraic_root(guess, np.concatenate([[t], states, numbers]))[0]
+        return self.scaled.algebraic_root(guess, np.concatenate([[t], states, numbers]))[0]
 
     def _holds(self, t: float, states: Vector, z: Vector, numbers: Vector) -> bool:
-        return bool(self.numbered.quick_is_root(t, states, z, numbers)[0][0])
+        return bool(self.scaled.buffered_is_root(t, states, z, numbers)[0][0])
 
     def _followed(
         self,
@@ -170,7 +170,7 @@ class Problem:
         h = tb - ta
         fa = fb = (xb - xa) / h
         if not straight:
-            fa, fb = (self.numbered.quick(t, s, w, numbers, [])[0] for (t, s), w in ((a, z), (b, end)))
+            fa, fb = (self.scaled.buffered(t, s, w, numbers, [])[0] for (t, s), w in ((a, z), (b, end)))
 
         def at(t: float) -> Vector:
             s = (t - ta) / h

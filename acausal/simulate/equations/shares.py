@@ -22,7 +22,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 # Singular values, by the largest one, that are zero; what is left of a bordered slope at least.
 _ZERO, _REGULAR = 1e-10, 1e-7
@@ -64,7 +64,7 @@ class Shares:
     place: int
     rhs: Any
     scale: Vector
-    slopes: Quick
+    slopes: BufferedFunction
     names: tuple[str, ...]
     loads: Any
     _borders: list[Border] = field(default_factory=list)
@@ -84,7 +84,7 @@ class Shares:
         parts = alg, ca.jacobian(alg, s.z) @ scale, ca.jacobian(creep, s.z) @ scale
         function = ca.Function("slopes", s.inputs, [ca.densify(part) for part in parts])
         names, loads = _loads(compiled)
-        return cls(place, compiled.rhs, compiled.nominal_z, Quick(function), names, loads)
+        return cls(place, compiled.rhs, compiled.nominal_z, BufferedFunction(function), names, loads)
 
     def border(
         self, compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
@@ -191,4 +191,4 @@ def _loads(compiled: CompiledModel) -> tuple[tuple[str, ...], Any]:
     values = compiled.observe(*s.inputs)[list(places.values())]
     slope = ca.jacobian(values, s.z) @ ca.diag(ca.DM(compiled.nominal_z))
     names = tuple(reduced.name(nodes[n][1]) for n in places)
-    return names, Quick(ca.Function("loads", s.inputs, [ca.densify(slope)]))
+    return names, BufferedFunction(ca.Function("loads", s.inputs, [ca.densify(slope)]))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Truth, Vector
 from acausal.errors import Span
 from acausal.lower.events.functions import AT_REST as AT_REST
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.tolerances import Tolerances
@@ -195,7 +195,7 @@ class Guards:
     @cached_property
     def _shared(self) -> bool:
         """Whether statics may leave loads open."""
-        return kept(self.problem.compiled).shares is not None
+        return functions_of(self.problem.compiled).shares is not None
 
     def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
         """Guards at n instants, shape (n, guards)."""

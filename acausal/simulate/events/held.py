@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.functions import guard_rates
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Quick
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.calls.buffered import BufferedFunction
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.shares import Border
 
 # Sets of held relations whose equations are kept for one model.
@@ -102,19 +102,19 @@ class Held:
         return ca.Function("watch", s.inputs, [g], ["t", "x", "z", "u", "p", "m"], ["g"])
 
     @cached_property
-    def guards(self) -> Quick:
+    def guards(self) -> BufferedFunction:
         """`-> (g,)`."""
-        return Quick(self.watch) if self.holds else kept(self.free).watch
+        return BufferedFunction(self.watch) if self.holds else functions_of(self.free).watch
 
     @cached_property
-    def rates(self) -> Quick:
+    def rates(self) -> BufferedFunction:
         """Time derivatives of the guards and how far these can be wrong, as `guard_rates` says."""
         if not self.holds and self.border is None:
-            return kept(self.free).rates
-        return Quick(guard_rates(self.compiled, self.watch))
+            return functions_of(self.free).rates
+        return BufferedFunction(guard_rates(self.compiled, self.watch))
 
     @cached_property
-    def judged(self) -> Quick:
+    def judged(self) -> BufferedFunction:
         """Distances of all guards, then their rates, then their noise, of equations without algebraic variables.
 
         Arguments are those of `rates`; one call where `guards` and `rates` are two.
@@ -122,7 +122,7 @@ class Held:
         rates = self.rates.function
         inputs = [ca.MX.sym(rates.name_in(k), rates.numel_in(k)) for k in range(rates.n_in())]
         own, noise = rates(*inputs)[:2]
-        return Quick(ca.Function("judged", inputs, [ca.vertcat(self.watch(*inputs[:-2]), own, noise)]))
+        return BufferedFunction(ca.Function("judged", inputs, [ca.vertcat(self.watch(*inputs[:-2]), own, noise)]))
 
     @cached_property
     def relaxed(self) -> Any:
@@ -158,14 +158,14 @@ class Held:
         return ca.Function("relaxed", [*inputs, e, h, k], [errors])
 
     @cached_property
-    def quick_relaxed(self) -> Quick:
+    def buffered_relaxed(self) -> BufferedFunction:
         """`relaxed`, for single points."""
-        return Quick(self.relaxed)
+        return BufferedFunction(self.relaxed)
 
     @cached_property
-    def quick_relaxed_together(self) -> Quick:
+    def buffered_relaxed_together(self) -> BufferedFunction:
         """`relaxed` of `TOGETHER` guards at once, for single points."""
-        return Quick(self._relaxed(TOGETHER))
+        return BufferedFunction(self._relaxed(TOGETHER))
 
     @cached_property
     def multipliers(self) -> Any:
@@ -179,10 +179,10 @@ class Held:
         return not any(ca.depends_on(v, self._equations.s.z) for v in self._equations.kept)
 
     @cached_property
-    def effect(self) -> Quick:
+    def effect(self) -> BufferedFunction:
         """`-> (slope, slope elsewhere)`: what the multipliers do to what is held, at two values of theirs."""
         e = self._equations
-        return Quick(ca.Function("slope", e.s.inputs, [ca.densify(e.slope), ca.densify(e.other_slope)]))
+        return BufferedFunction(ca.Function("slope", e.s.inputs, [ca.densify(e.slope), ca.densify(e.other_slope)]))
 
     @cached_property
     def kept_of(self) -> Any:
@@ -191,7 +191,7 @@ class Held:
         return ca.Function("kept_of", e.s.inputs, [ca.densify(ca.vertcat(*e.kept))])
 
     @cached_property
-    def kept(self) -> Quick:
+    def kept(self) -> BufferedFunction:
         """`-> (k, dk/dx, d)`: what the holds keep at zero, and the directions in which states may move for it.
 
         At rest those are the held state itself and what it drives, so that nobody else moves: the ball, not the floor.
@@ -210,7 +210,7 @@ class Held:
                 ways += [ca.jacobian(e.ode, e.s.x[hold.target]), own]
             row += 1 if hold.target is None else 2
         outputs = [ca.densify(v) for v in (k, slope, ca.horzcat(*ways))]
-        return Quick(ca.Function("kept", e.s.inputs, outputs))
+        return BufferedFunction(ca.Function("kept", e.s.inputs, outputs))
 
     @cached_property
     def _variant(self) -> CompiledModel:

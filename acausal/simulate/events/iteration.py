@@ -20,7 +20,7 @@ from acausal.diagnose.words import listed
 from acausal.errors import InitializationError
 from acausal.lower.events.impulses import impulses
 from acausal.lower.events.round import Round
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
@@ -96,8 +96,8 @@ class Iteration:
         self.events = compiled.state_events
         self.conditions = len(self.events.conditions)
         self.is_constrained = bool(compiled.solution.structure.invariants)
-        self.round = kept(compiled).round
-        self.shares = kept(compiled).shares
+        self.round = functions_of(compiled).round
+        self.shares = functions_of(compiled).shares
         self._kept: dict[int, tuple[float, int]] = {}
         self._broken: set[int] = set()
         self._noted: set[tuple[str, ...]] = set()
@@ -257,7 +257,7 @@ class Iteration:
     def _clash(self, t: float, moment: Moment, found: Round) -> Exception:
         """The error for clauses that act at one instant and disagree; found by what each would set."""
         compiled = self.problem.compiled
-        values = kept(compiled).reactions(t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m)[3]
+        values = functions_of(compiled).reactions(t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m)[3]
         setters: dict[int, tuple[Clause, float]] = {}
         acting = (found.applied > 0.5).tolist()
         actions = [(clause, place) for clause in self.events.clauses for place, _ in clause.actions]

@@ -67,10 +67,10 @@ class Regime:
     def relaxed(self, *given: Any, near: NDArray[np.intp]) -> Vector:
         """See `Held.relaxed`: of some guards."""
         if len(near) == 1:
-            return self.held.quick_relaxed(*given, near)[0]
+            return self.held.buffered_relaxed(*given, near)[0]
         rows = -(-len(near) // TOGETHER)
         blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are asked for anyway
-        return np.concatenate([self.held.quick_relaxed_together(*given, block)[0] for block in blocks])[: len(near)]
+        return np.concatenate([self.held.buffered_relaxed_together(*given, block)[0] for block in blocks])[: len(near)]
 
     def modes(self, t: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
         """Modes along n instants, shape (nm, n) or, when none slides, (nm,)."""

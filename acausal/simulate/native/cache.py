@@ -91,19 +91,19 @@ def _build(command: str, wanted: str, source: str) -> Path | None:
     with tempfile.TemporaryDirectory(prefix="build-", dir=kept) as scratch:
         written, made = Path(scratch) / "model.c", Path(scratch) / f"model{_SUFFIX}"
         written.write_text(source, encoding="utf-8")
-        failure = _compile([command, *FLAGS, "-o", str(made), str(written), "-lm"], _patience(source))
+        failure = _compile([command, *FLAGS, "-o", str(made), str(written), "-lm"], _time_limit(source))
         if failure is not None:
             _log.warning("%s failed, functions are interpreted: %s", command, failure)
             return None
         return place(made, kept, wanted, _SUFFIX)
 
 
-def _patience(source: str) -> float:
+def _time_limit(source: str) -> float:
     """Seconds that a compiler is given: ten times what gcc takes at most, or `$ACAUSAL_COMPILER_TIMEOUT`."""
     return float(os.environ.get("ACAUSAL_COMPILER_TIMEOUT") or 120.0 + 3e-4 * len(source))
 
 
-def _compile(command: list[str], patience: float) -> str | None:
+def _compile(command: list[str], time_limit: float) -> str | None:
     """Run a compiler; what it says when it fails. It and all it has started end with this call."""
     process = subprocess.Popen(
         command,
@@ -116,10 +116,10 @@ def _compile(command: list[str], patience: float) -> str | None:
         start_new_session=True,
     )
     try:
-        _, said = process.communicate(timeout=patience)
+        _, said = process.communicate(timeout=time_limit)
     except subprocess.TimeoutExpired:
         _HUNG.add(command[0])
-        return f"not done after {patience:g} s"
+        return f"not done after {time_limit:g} s"
     finally:
         if process.returncode is None:
             _end(process)

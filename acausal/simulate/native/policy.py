@@ -27,8 +27,8 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.quick import Quick
-from acausal.simulate.equations.numbered import UNIT, measured
+from acausal.simulate.equations.calls.buffered import BufferedFunction
+from acausal.simulate.equations.scaled import UNIT, measured
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
 from acausal.simulate.native.flight import FlightProgram
@@ -66,7 +66,7 @@ class Library(Generic[T]):
     """A loaded library: what it does, and the function `(p, u) -> c` of its constants."""
 
     run: T
-    constants: Quick
+    constants: BufferedFunction
 
     def vector(self, p: Vector, u: Vector, numbers: Vector) -> Vector:
         """The parameter vector of its equations; `numbers` as in `Problem.numbers`."""
@@ -299,4 +299,4 @@ class Native:
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
         functions = (f.serialize() for f in (compiled.rhs, *made_from()))
         key = cache.key(kind, details, flight_source(), source.rows("rosenbrock"), *functions, repr(scales))
-        return made(key, text, lambda path: Library(load(path), Quick(ca.external(CONSTANTS, str(path)))))
+        return made(key, text, lambda path: Library(load(path), BufferedFunction(ca.external(CONSTANTS, str(path)))))

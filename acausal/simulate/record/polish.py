@@ -12,8 +12,8 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.direct import rows
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.tolerances import Tolerances
 
 _MOST = 8
@@ -41,7 +41,7 @@ def polished(
     `tolerances`: Of the solver; what its own values may leave of the equations, as a share of what the variables make
     of them.
     """
-    newton = kept(compiled).newton() if z.size else None
+    newton = functions_of(compiled).newton() if z.size else None
     if newton is None:
         return z
     found, todo, scale = z.T.copy(), np.arange(z.shape[1]), compiled.nominal_z

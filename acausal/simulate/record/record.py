@@ -20,8 +20,8 @@ from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.result.result import Event, Result, Signal
 from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
-from acausal.simulate.equations.calls.direct import rows
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.record.project import off_constraints, projected, projection
 from acausal.simulate.solvers.segment import Piece
@@ -200,14 +200,14 @@ class Recorder:
                 return rows(self.compiled.blended_observe, arguments)
             if len(times) < _LONG or self.compiled.observe.n_instructions() > MOST_OPERATIONS:
                 return rows(self.compiled.observe, arguments)
-            return kept(self.compiled).observe.many(*arguments)
+            return functions_of(self.compiled).observe.many(*arguments)
         states, n = (x, x.count) if isinstance(x, States) else (x.T, len(x))
         places, found = np.array(columns, dtype=np.int64), np.empty((len(times), len(columns)))
         own, other = places < n, places >= n + len(z)
         found[:, own] = states[..., places[own]]
         found[:, ~own & ~other] = z.T[:, places[~own & ~other] - n]
         if other.any():
-            function = kept(self.compiled).observing(tuple(places[other].tolist()), slides)
+            function = functions_of(self.compiled).observing(tuple(places[other].tolist()), slides)
             found[:, other] = function.many(times[:, None], states, z.T, self.u, p, m.T)
         return found
 
@@ -266,7 +266,7 @@ def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     """Where every variable and parameter of the model is found, by path."""
     variables = described(compiled)
     found = {name: variables[name] for name in variables}
-    constants = dict(zip(compiled.constant_nodes, kept(compiled).constants(p)[0].tolist(), strict=True))
+    constants = dict(zip(compiled.constant_nodes, functions_of(compiled).constants(p)[0].tolist(), strict=True))
     for name, signal in found.items():
         if signal.column is None:
             found[name] = replace(signal, value=constants[variables.node(name)])

@@ -75,7 +75,7 @@ def _noise(problem: Problem, segment: Segment) -> Vector | None:
         return None
     x, z = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
     numbers = problem.vector(segment.p, segment.x, segment.start)
-    slope, sizes = problem.numbered.slope(0.0, x, z, numbers)
+    slope, sizes = problem.scaled.slope(0.0, x, z, numbers)
     if not (np.isfinite(slope).all() and np.isfinite(sizes).all()):
         return None
     try:

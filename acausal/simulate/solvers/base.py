@@ -28,12 +28,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
-from acausal.simulate.equations.calls.direct import called
+from acausal.simulate.equations.calls.raw import called
 from acausal.simulate.equations.factorisation import Factorisation
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import time_ends
-from acausal.simulate.equations.numbered import UNIT, controls, stretched
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.equations.scaled import UNIT, controls, stretched
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.flight import FlightProgram
 from acausal.simulate.native.policy import Library
@@ -145,9 +145,9 @@ class CasadiSolver:
         units = self.units(problem, segment)
         unit = unit_of_time(segment.start, segment.times) if self.impatient and segment.shares is None else 1.0
         if unit != 1.0:
-            dae = problem.numbered.slowed(problem.numbered.dae if self.algebraic else problem.numbered.ode, unit)
+            dae = problem.scaled.slowed(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
-        elif kind == "integrator" and not segment.partial and segment.patience is None:
+        elif kind == "integrator" and not segment.partial and segment.step_budget is None:
             whole = native.integrator(self.plugin, settings)
             if whole is not None:
                 units = np.ones(len(z0)) if units is None else units
@@ -159,7 +159,7 @@ class CasadiSolver:
             library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*own))
-        numbered, more, p = problem.numbered, {}, problem.vector(*own) if p is None else p
+        numbered, more, p = problem.scaled, {}, problem.vector(*own) if p is None else p
         if self.interpolates:
             dae, more = numbered.halting_dae if self.algebraic else numbered.halting_ode, {"u": controls(len(grid))}
         elif self.careless:
@@ -246,7 +246,7 @@ def growth(
     def rates(instants: Vector, stretch: NDArray[np.int64]) -> Vector:
         parts = range(0, len(instants), _AT_ONCE)
         some = [(instants[k : k + _AT_ONCE], stretch[k : k + _AT_ONCE]) for k in parts]
-        found = [kept(compiled).island_rates(t, problem.u, problem.p, modes[s], discrete[s]) for t, s in some]
+        found = [functions_of(compiled).island_rates(t, problem.u, problem.p, modes[s], discrete[s]) for t, s in some]
         return np.hstack(found)
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
@@ -275,7 +275,7 @@ def stepping(segment: Segment, most: int = MOST_STEPS) -> dict[str, Any]:
     """The options of a one-step method for the number of its steps, `most` where nothing is said, and their size."""
     if segment.step:
         return {"max_num_steps": MOST_STEPS, **bounded(segment), "step_size": segment.step}
-    given = segment.partial or segment.patience
+    given = segment.partial or segment.step_budget
     return {"max_num_steps": segment.most_steps if given else most, **bounded(segment)}
 
 

@@ -115,7 +115,7 @@ class Rk2:
         p = problem.vector(segment.p, segment.x, segment.start)
         if problem.compiled.algebraic:
             p = np.concatenate([p, segment.z / problem.scale_z])
-        one = heun(problem.numbered.ode)
+        one = heun(problem.scaled.ode)
         found, done = [], 0
         for count, intervals in _runs(counts):
             inner = _several(one, count)

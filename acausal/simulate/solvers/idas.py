@@ -45,7 +45,7 @@ class Idas(CasadiSolver):
         """The rates at the start."""
         x = segment.x[: problem.n_dynamic] / problem.scale_x
         numbers = problem.vector(segment.p, segment.x, segment.start)
-        return list(problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0].tolist())
+        return list(problem.scaled.buffered(0.0, x, segment.z / problem.scale_z, numbers, [])[0].tolist())
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {

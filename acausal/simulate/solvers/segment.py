@@ -12,10 +12,10 @@ from acausal.simulate.tolerances import Tolerances
 class Segment:
     """One stretch: from `start` to the last of `times` (ascending, all after `start`).
 
-    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `patience` is the number of
-    steps between two output times after which a solver gives up; None: as many as a long run may need. `first` is the
-    first step, 0 to have it estimated. With `partial`, the rows before a failure are a result (see `Piece`); without
-    any row it is a RuntimeError as always.
+    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `step_budget` is the number
+    of steps between two output times after which a solver gives up; None: as many as a long run may need. `first` is
+    the first step, 0 to have it estimated. With `partial`, the rows before a failure are a result (see `Piece`);
+    without any row it is a RuntimeError as always.
 
     `shares` says that the times are these shares of the whole: one of a few grids, whose integrators are kept.
     Integrals that act on nothing are left as they are at the start. IDAS begins without derivatives, and wants a
@@ -30,7 +30,7 @@ class Segment:
     tolerances: Tolerances
     step: float | None
     max_step: float | None = None
-    patience: int | None = None
+    step_budget: int | None = None
     first: float = 0.0
     partial: bool = False
     shares: Vector | None = None
@@ -43,7 +43,7 @@ class Segment:
     @property
     def most_steps(self) -> int:
         """Steps between two output times; with few of these, as many as a run with many would be allowed."""
-        return self.patience or max(20_000, 400_000 // len(self.times))
+        return self.step_budget or max(20_000, 400_000 // len(self.times))
 
 
 @dataclass(frozen=True, eq=False)

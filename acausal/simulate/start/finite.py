@@ -14,7 +14,7 @@ from acausal.flatten.reduced import ReducedSystem
 from acausal.flatten.text import NameOf, to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 
 Leaves = Mapping[str, Callable[[int], Any]]
 
@@ -54,7 +54,7 @@ def first_undefined(
 
     In large models only the rates are looked at: the function of all variables costs more than the run.
     """
-    functions = kept(compiled)
+    functions = functions_of(compiled)
     ode, alg = functions.rhs(t, x, z, u, p, m)
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     solution = compiled.solution

@@ -13,7 +13,7 @@ from acausal.arrays import Vector
 from acausal.diagnose.words import counted, listed, made_at
 from acausal.errors import InitializationError
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.kept import kept, truths
+from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.record.project import constraints
 from acausal.simulate.start.errors import contradicting, left_open, not_found, off_constraint, undefined
@@ -55,12 +55,12 @@ def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vecto
 
 def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
     """The start together with relations and discrete equations, which are decided by the solution they lead to."""
-    x, z = kept(compiled).guess(p)
+    x, z = functions_of(compiled).guess(p)
     events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
     memories = compiled.n_timely + len(events.samples)
     flags = memories + len(events.memories)
     relations = flags + len(events.flags)
-    reactions = kept(compiled).reactions
+    reactions = functions_of(compiled).reactions
     m[memories:flags] = reactions(t, x, z, u, p, m)[4]
     m[flags:relations] = [float(nodes[n][0] == "initial") for n in events.flags]
     m[relations:] = truths(compiled, t, x, z, u, p, m)
@@ -68,7 +68,7 @@ def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector)
     given: dict[int, float] = {k: x[k] for k in places}
     seen: set[bytes] = set()
     start = Start(x, z, ())
-    shares = kept(compiled).shares
+    shares = functions_of(compiled).shares
     while (key := m.tobytes() + np.array(list(given.values())).tobytes()) not in seen:
         seen.add(key)
         solved = m if shares is None else _creeping(shares, t, start, p, u, m, given)
@@ -115,7 +115,7 @@ def _free(compiled: CompiledModel) -> list[int]:
 def _initialized(
     compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector, assigned: dict[int, float]
 ) -> Start:
-    x, z = kept(compiled).guess(p)
+    x, z = functions_of(compiled).guess(p)
     x[list(assigned)] = list(assigned.values())
     guess = x, z
     free = _free(compiled)
@@ -123,7 +123,7 @@ def _initialized(
     failure: InitializationError | None = None
     lost = False
     if free or len(z):
-        newton = kept(compiled).newton(tuple(free))
+        newton = functions_of(compiled).newton(tuple(free))
         found = None if newton is None else newton.solve(t, x, z, u, p, m, _MOST)
         if found is None:
             lost = bool(free)
@@ -167,7 +167,7 @@ def _opened(
     """
     if not (lost or compiled.start.defaulted or compiled.start.conditions or compiled.start.surplus):
         return None
-    opened = kept(compiled).open_start
+    opened = functions_of(compiled).open_start
     if opened is None:
         return None
     numbers = u, p, m
@@ -244,14 +244,14 @@ def _left_open(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, free: list[int]
 ) -> tuple[str, ...]:
     """A note when the solution that was found is one of many, so that the guesses have decided."""
-    newton = kept(compiled).newton(tuple(free))
+    newton = functions_of(compiled).newton(tuple(free))
     if not free or newton is None or len(newton.scale) > _LARGEST_RANK:
         return ()
     near = 0.01 * newton.scale * np.random.default_rng(3).standard_normal(len(newton.scale))
     beside = x.copy()
     beside[free] += near[: len(free)]
     there = beside, z + near[len(free) :]
-    return left_open(compiled, free, [newton.quick_slope(t, *at, u, p, m)[0] for at in ((x, z), there)])
+    return left_open(compiled, free, [newton.buffered_slope(t, *at, u, p, m)[0] for at in ((x, z), there)])
 
 
 def _solved(
@@ -265,7 +265,7 @@ def consistent(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Ve
     """Algebraic variables for given states, after an event: the restart problem, never the initial one."""
     if not len(start.z):
         return start
-    newton = kept(compiled).newton()
+    newton = functions_of(compiled).newton()
     found = None if newton is None else newton.solve(t, start.x, start.z, u, p, m, _AT_ONCE)
     if found is None:
         found = _System(compiled, t, start.x, start.z, u, p, m, []).solve()
@@ -465,7 +465,7 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
     found = first_undefined(compiled, t, x, z, u, p, m)
     if found is not None:
         raise undefined(compiled, t, found)
-    ode, alg = kept(compiled).rhs(t, x, z, u, p, m)
+    ode, alg = functions_of(compiled).rhs(t, x, z, u, p, m)
     is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
     if is_finite:
         return

@@ -12,7 +12,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 # Steps, relative to the unknowns, and residuals, relative to those at the guesses and what unknowns can make of them,
 # that end the search.
@@ -31,9 +31,9 @@ class Newton:
     step: Any  # `-> (y - root, residual, size of the rows of the slope)`, the first to first order
 
     @cached_property
-    def quick_slope(self) -> Quick:
+    def buffered_slope(self) -> BufferedFunction:
         """`slope`, dense."""
-        return Quick(self.slope)
+        return BufferedFunction(self.slope)
 
     @classmethod
     def of(cls, compiled: CompiledModel, free: tuple[int, ...]) -> Newton | None:
@@ -60,8 +60,8 @@ class Newton:
         return cls(free, scale, ca.Function("slope", s.inputs, [slope]), step)
 
     @cached_property
-    def _quick(self) -> Quick:
-        return Quick(self.step)
+    def _buffered(self) -> BufferedFunction:
+        return BufferedFunction(self.step)
 
     def solve(
         self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, most: int
@@ -70,7 +70,7 @@ class Newton:
         x, z, places = x.copy(), z.copy(), list(self.free)
         first: Vector | None = None
         for _ in range(most):
-            change, residual, _ = self._quick(t, x, z, u, p, m)
+            change, residual, _ = self._buffered(t, x, z, u, p, m)
             first = np.abs(residual) if first is None else first
             x[places] -= change[: len(places)]
             z -= change[len(places) :]
@@ -79,6 +79,6 @@ class Newton:
                 return None
             if (np.abs(change) <= _CONVERGED * (self.scale + here)).all():
                 # a singular matrix makes steps that are so long that any other is short beside them
-                _, left, sizes = self._quick(t, x, z, u, p, m)
+                _, left, sizes = self._buffered(t, x, z, u, p, m)
                 return (x, z) if (np.abs(left) <= _SATISFIED * (first + sizes)).all() else None
         return None

@@ -25,7 +25,7 @@ from acausal.flatten.reduced import ReducedSystem, nominal
 from acausal.lower.build import Builder
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.start.nearest import shortest, sizes_of
 
 _MOST = 400  # unknowns: matrices are dense
@@ -59,11 +59,11 @@ class OpenStart:
     candidates: tuple[_Candidate, ...]
     # `(t, x, z, u, p, m) -> (conditions and equations, slope, candidates, slope)`, dense, slopes by these states and
     # then by z.
-    functions: Quick
-    guesses: Quick  # `(p) -> ` the guesses of the candidates
+    functions: BufferedFunction
+    guesses: BufferedFunction  # `(p) -> ` the guesses of the candidates
     # `(t, x, z, u, p, m) -> (misses, slope)`: how far all variables with a declared start are off it, by their nominal
     # magnitudes.
-    hints: Quick
+    hints: BufferedFunction
 
     @classmethod
     def of(cls, compiled: CompiledModel) -> OpenStart | None:
@@ -88,10 +88,12 @@ class OpenStart:
         builder = Builder(reduced.pool, ca.SX(0), p, {})
         nodes = [start.guesses.get(c.variable, reduced.pool.zero) for c in candidates]
         guesses = ca.Function("guesses", [p], [ca.densify(ca.vertcat(*builder.lower(nodes), ca.SX(0, 1)))])
-        hints = Quick(_hints(compiled, s, unknowns))
+        hints = BufferedFunction(_hints(compiled, s, unknowns))
         scale = np.concatenate([compiled.nominal_x[places], compiled.nominal_z])
         ambiguous = _is_ambiguous(compiled, candidates)
-        return cls(tuple(places), scale, ambiguous, candidates, Quick(functions), Quick(guesses), hints)
+        return cls(
+            tuple(places), scale, ambiguous, candidates, BufferedFunction(functions), BufferedFunction(guesses), hints
+        )
 
     def misses(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, first: Vector) -> float:
         """Largest distance of a variable from its declared start, by nominal magnitude and the size of that start.

@@ -13,7 +13,7 @@ import numpy as np
 from acausal.arrays import Complex, Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import Symbols
-from acausal.simulate.equations.calls.direct import rows
+from acausal.simulate.equations.calls.raw import rows
 
 LARGEST_DENSE = 400
 """Beyond so many states only the fastest eigenvalues are computed."""

@@ -32,7 +32,7 @@ def first_step(problem: Problem, segment: Segment, horizon: float) -> float:
     n = problem.n_dynamic
     x = segment.x[:n] / problem.scale_x
     numbers = problem.vector(segment.p, segment.x, segment.start)
-    rate = problem.numbered.quick(0.0, x, segment.z / problem.scale_z, numbers, [])[0]
+    rate = problem.scaled.buffered(0.0, x, segment.z / problem.scale_z, numbers, [])[0]
     weighted = np.asarray(rate).ravel() / segment.tolerances.of(x)
     size = float(np.sqrt(np.mean(weighted**2))) if n else 0.0
     step = 1e-3 * horizon

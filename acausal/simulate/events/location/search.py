@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.equations.kept import kept
+from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import looks as looking
 from acausal.simulate.events.location.between import between, lowest, newton_form
@@ -255,7 +255,7 @@ class Search:
             until, spacing = way.closer[-1]
             length, shares = until - here, looking.even(max(2, round((until - here) / spacing)))
             first = self._first(way, asked, length) if self.solver.multistep else 0.0
-            asked = replace(asked, first=first, patience=_KNOWN_STEPS)
+            asked = replace(asked, first=first, step_budget=_KNOWN_STEPS)
         elif segment.step is not None:
             count = max(1, int(looking.most(problem, fixed=True) * way.shrink))
             marks, times = looking.merged(looking.stepped(here, outputs, limit, segment.step, count), outputs)
@@ -266,7 +266,7 @@ class Search:
             length, shares = looking.growing(limit - here, first, spacing, looking.most(problem), least)
             begun = looking.begun(shares, length, first)
             more = math.ceil(math.log2(max(float(shares[0]) * length / begun, 16.0))) - 4
-            asked = replace(asked, first=begun, patience=way.steps_allowed + 4 * math.ceil(more / 4))
+            asked = replace(asked, first=begun, step_budget=way.steps_allowed + 4 * math.ceil(more / 4))
             until = limit if length == limit - here else here + length
         marks = np.asarray(here + length * shares)
         marks[-1] = until
@@ -537,7 +537,7 @@ class Search:
     def _only(self, asked: Segment, t: float) -> Segment:
         """The same that ends at a time, and delivers nothing before."""
         shares = None if asked.shares is None else looking.even(1)
-        return replace(asked, times=np.array([t]), shares=shares, partial=False, patience=None)
+        return replace(asked, times=np.array([t]), shares=shares, partial=False, step_budget=None)
 
     def _rows(
         self, way: _Way, asked: Segment, piece: Piece, due: Vector, counters: dict[str, float]
@@ -555,7 +555,7 @@ class Search:
         values = np.vstack([xs[:n], zs])
         size = np.abs(values[:, np.searchsorted(nodes, due).clip(1) - 1]).T
         allowed = segment.tolerances.of(size, nominal)
-        if kept(problem.compiled).newton() is not None:
+        if functions_of(problem.compiled).newton() is not None:
             allowed[:, n:] = np.inf  # they are put onto their equations
         found, good = between(nodes, values.T, due, allowed)
         x[:n], z[:] = found[:, :n].T, found[:, n:].T
@@ -567,7 +567,7 @@ class Search:
             k = int(np.searchsorted(nodes, due[at[0]])) - 1
             other = replace(segment, start=float(nodes[k]), times=due[at], x=xs[:, k], z=zs[:, k], first=0.0)
             try:
-                own = self.integrate(regime, replace(other, partial=False, patience=None, shares=None))
+                own = self.integrate(regime, replace(other, partial=False, step_budget=None, shares=None))
             except RuntimeError as error:
                 raise _NotDelivered(str(error)) from None
             x[:n, at], z[:, at] = own.x[:n], own.z

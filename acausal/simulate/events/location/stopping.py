@@ -24,10 +24,10 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.simulate.equations.arguments import arguments as steep_arguments
-from acausal.simulate.equations.calls.direct import Repeated
-from acausal.simulate.equations.calls.quick import Quick
-from acausal.simulate.equations.numbered import Numbered, with_values
+from acausal.simulate.equations.calls.buffered import BufferedFunction
+from acausal.simulate.equations.calls.raw import Repeated
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.equations.scaled import ScaledEquations, with_values
 from acausal.simulate.events.guards import LOCATED, Guards, Moment, located, resting_band
 from acausal.simulate.events.location.bracketing import Node, first_crossing, is_clear
 from acausal.simulate.events.regime import Regime
@@ -445,25 +445,25 @@ class _Interpreted:
 
     dae: Any
     transition: Any
-    constants: Quick | None
+    constants: BufferedFunction | None
     integrators: dict[tuple[Any, ...], Repeated] = field(default_factory=dict)
 
 
-_MADE: WeakKeyDictionary[Numbered, _Interpreted] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[ScaledEquations, _Interpreted] = WeakKeyDictionary()
 
 
-def _interpreted(regime: Regime) -> tuple[Numbered, _Interpreted, Vector]:
+def _interpreted(regime: Regime) -> tuple[ScaledEquations, _Interpreted, Vector]:
     """The form of the equations that is used, what is made of it, and its c.
 
     Equations of held relations have forms of their own, so these tell regimes apart.
     """
     problem = regime.problem
-    form = problem.numbered
+    form = problem.scaled
     if form.is_shared:
         found = _MADE.get(form)
         if found is None:
             made = stopping_equations(regime, problem.native.zeros, stretched=True)
-            found = _MADE[form] = _Interpreted(made.dae, made.transition, Quick(made.constants))
+            found = _MADE[form] = _Interpreted(made.dae, made.transition, BufferedFunction(made.constants))
         assert found.constants is not None, "made just so"
         (constants,) = found.constants(problem.p, problem.u)
         if np.isfinite(constants).all():

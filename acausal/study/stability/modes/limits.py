@@ -218,5 +218,5 @@ def _euler(problem: Problem, point: Point, step: float, steps: int) -> Vector:
         if not np.isfinite(x).all():
             break
         with np.errstate(all="ignore"):
-            x = x + step * np.array(problem.numbered.ode(point.t + k * step, x, [], p, [])[0]).ravel()
+            x = x + step * np.array(problem.scaled.ode(point.t + k * step, x, [], p, [])[0]).ravel()
     return np.concatenate([x * problem.scale_x, point.x[n:]])

@@ -15,7 +15,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.simulate.equations.calls.columns import by_columns
-from acausal.simulate.equations.calls.direct import rows
+from acausal.simulate.equations.calls.raw import rows
 
 # So many points are worth a function of their own, one for each power of two up to a block.
 _FEW, _BLOCK = 8, 1024
@@ -37,7 +37,7 @@ class _Memory(threading.local):
             self.buffer.set_res(k, a.reshape(-1, order="F").data)
 
 
-class Quick:
+class BufferedFunction:
     """A function of dense arguments; outputs are fresh arrays, column-major matrices as (rows, columns).
 
     They are nan where the function fails.
@@ -109,18 +109,18 @@ class Columns(Protocol):
     def __getitem__(self, key: Any, /) -> Any: ...
 
 
-class Narrow:
+class NarrowFunction:
     """Expressions of few entries of large arguments at many instants: what they do not need is not handed over."""
 
     def __init__(self, name: str, inputs: Sequence[Any], values: Any) -> None:
         """For `values`, a dense column, in symbols of `inputs`."""
         self._needed = [np.unique(ca.jacobian_sparsity(values, v).get_col()).astype(np.int64) for v in inputs]
         narrow = [v[needed.tolist()] for v, needed in zip(inputs, self._needed, strict=True)]
-        self._quick = Quick(ca.Function(name, narrow, [values]))
+        self._buffered = BufferedFunction(ca.Function(name, narrow, [values]))
 
     def many(self, *arguments: Columns) -> Vector:
-        """See `Quick.many`."""
-        return self._quick.many(*(a[..., needed] for a, needed in zip(arguments, self._needed, strict=True)))
+        """See `BufferedFunction.many`."""
+        return self._buffered.many(*(a[..., needed] for a, needed in zip(arguments, self._needed, strict=True)))
 
 
 def _dense(function: Any) -> Any:

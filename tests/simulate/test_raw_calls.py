@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from acausal.simulate.equations.calls.direct import called, rows
+from acausal.simulate.equations.calls.raw import called, rows
 
 
 def test_rows_are_the_function_at_each_instant() -> None:

@@ -156,7 +156,7 @@ class Member:
 
 
 @dataclass
-class Apart:
+class IndependentSystems:
     """The dynamics of several systems; see `driver.Dynamics`.
 
     `problem` and `recorder` are those of the whole, `as_one` makes its dynamics.

@@ -1,4 +1,4 @@
-"""How far a solver comes that has failed: in ever smaller pieces, with little patience for each.
+"""How far a solver comes that has failed: in ever smaller pieces, with few steps for each.
 
 A solution that ends (x' = x^2 at t = 1, an algebraic equation that loses its solution) lets a solver take steps that no
 longer change the time, as many as it is allowed. Many steps *are* needed now and then, so that their number alone does
@@ -17,7 +17,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.simulate.solvers.segment import Piece, Segment
 
-PATIENCE = 3000
+RECOVERY_STEPS = 3000
 """Steps between two output times in a piece."""
 
 _DIVISION = 8
@@ -26,7 +26,7 @@ _MOST_FAILURES = 25
 _MOST_STEPS = 200_000  # of all pieces together
 
 
-def salvage(
+def recover(
     integrate: Callable[[Segment], Piece], segment: Segment, record: Callable[[Vector, Piece], Piece]
 ) -> tuple[Segment, Piece | None]:
     """Record what can be computed of a segment that has failed, in ever smaller pieces.
@@ -38,7 +38,7 @@ def salvage(
     count = max(1, len(times) // 2)
     counted = Counted(integrate)
     while len(times):
-        part = replace(segment, times=times[:count], patience=PATIENCE)
+        part = replace(segment, times=times[:count], step_budget=RECOVERY_STEPS)
         if counted.is_exhausted:
             return part, None
         try:
@@ -67,7 +67,7 @@ def crawl(integrate: Counted, segment: Segment) -> tuple[Segment, Piece | None]:
     end = float(segment.times[-1])
     whole = end - segment.start
     size, done, failures = whole / _DIVISION, 0, 0
-    here = replace(segment, patience=PATIENCE)
+    here = replace(segment, step_budget=RECOVERY_STEPS)
     while not integrate.is_exhausted:
         target = here.start + size
         target = end if target > end - 0.01 * size else target
@@ -99,7 +99,7 @@ class Counted:
         return self._steps > _MOST_STEPS
 
     def __call__(self, segment: Segment) -> Piece:
-        self._steps += PATIENCE
+        self._steps += RECOVERY_STEPS
         piece = self._integrate(segment)
-        self._steps += piece.counters.get("steps", 0.0) - PATIENCE
+        self._steps += piece.counters.get("steps", 0.0) - RECOVERY_STEPS
         return piece

@@ -19,8 +19,8 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.calls.in_columns import InColumns, in_columns
-from acausal.simulate.equations.calls.quick import Quick
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
 from acausal.simulate.native.columns import is_long
@@ -47,7 +47,7 @@ _ROOT, _ROUNDING = 1e-8, 1e-12
 _MOST_ITERATIONS = 40
 
 
-class Numbered:
+class ScaledEquations:
     """Equations of `compiled`.
 
     The parameter vector of all forms is `[c, m, d, shift]`: what parameters and inputs alone determine, modes of
@@ -64,7 +64,7 @@ class Numbered:
         self._shared: Any = None
         if values is None:
             self._shared, constants = equations(compiled, zeros)
-            self._constants = Quick(constants)
+            self._constants = BufferedFunction(constants)
         else:
             self._p, self._u = (v.copy() for v in values)
             self._columns = compiled.mapped(zeros)
@@ -119,9 +119,9 @@ class Numbered:
         return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_IN, _DAE_OUT)
 
     @cached_property
-    def quick(self) -> Quick:
+    def buffered(self) -> BufferedFunction:
         """`dae`, for single points."""
-        return Quick(self.dae)
+        return BufferedFunction(self.dae)
 
     @cached_property
     def ode(self) -> Any:
@@ -151,17 +151,17 @@ class Numbered:
         return ca.Function("is_root", [t, x, z, p], [ca.mmax(ca.fabs(alg) - _ROOT * reach - _ROUNDING * terms) <= 0])
 
     @cached_property
-    def slope(self) -> Quick:
+    def slope(self) -> BufferedFunction:
         """`(t, x, z, [c, m, d, shift]) -> (d alg/dz, size of the terms of alg)`, all scaled."""
         t, x, z, p, _, alg = self.scaled
         by_x, by_z = ca.jacobian(alg, x), ca.jacobian(alg, z)
         sizes = ca.fabs(by_x) @ ca.fabs(x) + ca.fabs(by_z) @ ca.fabs(z)
-        return Quick(ca.Function("slope", [t, x, z, p], [ca.densify(by_z), ca.densify(sizes)]))
+        return BufferedFunction(ca.Function("slope", [t, x, z, p], [ca.densify(by_z), ca.densify(sizes)]))
 
     @cached_property
-    def quick_is_root(self) -> Quick:
+    def buffered_is_root(self) -> BufferedFunction:
         """`is_root`, for single points."""
-        return Quick(self.is_root)
+        return BufferedFunction(self.is_root)
 
     @cached_property
     def halting_dae(self) -> Any:
@@ -174,10 +174,10 @@ class Numbered:
         return halting(self.ode)
 
     @cached_property
-    def algebraic_root(self) -> Quick:
+    def algebraic_root(self) -> BufferedFunction:
         """Rootfinder for consistent algebraic variables: `(z, [t, x, c, m, d, shift]) -> z`, all scaled."""
         t, x, z, p, _, alg = self.scaled
-        return Quick(self._root(t, x, z, p, alg))
+        return BufferedFunction(self._root(t, x, z, p, alg))
 
     def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
         """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations.
@@ -369,10 +369,10 @@ def controls(count: int) -> Vector:
     return np.array(np.arange(count) % 2, dtype=np.float64)
 
 
-_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, Numbered]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, ScaledEquations]] = WeakKeyDictionary()
 
 
-def numbered(compiled: CompiledModel, p: Vector, u: Vector) -> Numbered:
+def scaled_equations(compiled: CompiledModel, p: Vector, u: Vector) -> ScaledEquations:
     """The equations for these values, from the last few forms that were asked for."""
     zeros = tuple(np.flatnonzero(p == 0.0).tolist())
     if compiled.rhs.n_instructions() <= _LARGEST_SHARED and compiled.mapped(zeros) is None:
@@ -382,18 +382,18 @@ def numbered(compiled: CompiledModel, p: Vector, u: Vector) -> Numbered:
     return with_values(compiled, p, u)
 
 
-def with_values(compiled: CompiledModel, p: Vector, u: Vector) -> Numbered:
+def with_values(compiled: CompiledModel, p: Vector, u: Vector) -> ScaledEquations:
     """The equations with these values as numbers: what was divided by zero may be multiplied by zero again."""
     return _kept(compiled, tuple(np.flatnonzero(p == 0.0).tolist()), (p, u))
 
 
-def _kept(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> Numbered:
+def _kept(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> ScaledEquations:
     compiled = compiled.common
     made = _MADE.setdefault(compiled, OrderedDict())
     key = zeros if values is None else tuple(v.tobytes() for v in values)
     found = made.pop(key, None)
     if found is None:
-        found = Numbered(compiled, zeros, values)
+        found = ScaledEquations(compiled, zeros, values)
     made[key] = found
     if len(made) > _FORMS:
         made.popitem(last=False)

@@ -20,7 +20,7 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, variable, where
 from acausal.lower.symbols import Symbols
 from acausal.models.drilling_dynamic import ThickBlock
-from acausal.simulate.equations.calls.quick import Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 
 class Circle(Component):
@@ -81,7 +81,7 @@ def test_a_function_that_fails_gives_nothing_of_the_call_before() -> None:
     given: Any = ca.MX.sym("given")
     matrix, right = parts(given)
     point: Any = ca.solve(matrix, right, "qr")
-    cut = Quick(ca.Function("cut", [given], [point, given]))
+    cut = BufferedFunction(ca.Function("cut", [given], [point, given]))
     assert cut(1.0)[0] == pytest.approx([2.0, 1.0])
     assert all(np.isnan(v).all() for v in cut(-1.0))
     assert cut(3.0)[0] == pytest.approx([2.5, 0.5])
@@ -100,7 +100,7 @@ def test_so_many_points_go_by_columns_and_change_no_bit() -> None:
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
     kinked = ca.if_else(x[0] < p, ca.fmax(x[1], 0.0) ** p, ca.sqrt(x[0]) / x[1])
     y = ca.vertcat(kinked, ca.sin(x[0]) * ca.exp(-x[1]), ca.atan2(x[0], x[1]), 3.0, p)
-    quick = Quick(ca.Function("f", [x, p, ca.SX.sym("none", 0)], [y]))
+    quick = BufferedFunction(ca.Function("f", [x, p, ca.SX.sym("none", 0)], [y]))
     points = np.random.default_rng(7).normal(size=(5000, 2))
     points[[3, 4, 5]] = [0.0, 0.0], [np.inf, 1.0], [np.nan, -0.0]
     found = quick.many(points, np.array([0.3]), np.zeros((5000, 0)))
@@ -111,7 +111,7 @@ def test_so_many_points_go_by_columns_and_change_no_bit() -> None:
 def test_a_function_at_many_points() -> None:
     """At any number of points as at one; rows that are padded to a power of two are not seen."""
     x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
-    quick = Quick(ca.Function("f", [x, p], [ca.vertcat(p * x[0], x[0] - x[1])]))
+    quick = BufferedFunction(ca.Function("f", [x, p], [ca.vertcat(p * x[0], x[0] - x[1])]))
     for n in (1, 7, 8, 9, 33):
         points = np.column_stack([np.arange(n, dtype=float), np.arange(n) ** 2.0])
         found = quick.many(points, np.array([3.0]))

@@ -15,7 +15,7 @@ from acausal.analyse.events.table_stops import TimeTable, time_tables
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.symbols import DefiningBuilder, Symbols
-from acausal.simulate.equations.calls.quick import Columns, Narrow, Quick
+from acausal.simulate.equations.calls.buffered import BufferedFunction, Columns, NarrowFunction
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
@@ -31,38 +31,38 @@ class Observing:
 
     def __init__(self, s: Symbols, y: Any) -> None:
         (rest,), held, constants = parametric([y], s.p, s.u)
-        self._constants = Quick(constants)
-        self._rows = Narrow("observing", [s.t, s.x, s.z, held, s.m], ca.densify(rest))
+        self._constants = BufferedFunction(constants)
+        self._rows = NarrowFunction("observing", [s.t, s.x, s.z, held, s.m], ca.densify(rest))
 
     def many(self, t: Vector, x: Columns, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
-        """See `Quick.many`."""
+        """See `BufferedFunction.many`."""
         return self._rows.many(t, x, z, self._constants(p, u)[0], m)
 
 
-def _quick(function: Callable[[CompiledModel], Any]) -> cached_property[Quick]:
+def _buffered(function: Callable[[CompiledModel], Any]) -> cached_property[BufferedFunction]:
     """A function of the model, made ready to be called quickly at the first need."""
-    return cached_property(lambda kept: Quick(function(kept.compiled)))
+    return cached_property(lambda cache: BufferedFunction(function(cache.compiled)))
 
 
-class Kept:
+class FunctionCache:
     """Functions of one model, of `(t, x, z, u, p, m)` where nothing else is said."""
 
-    rhs = _quick(lambda model: model.rhs)  # `-> (ode, alg)`
-    observe = _quick(lambda model: model.observe)  # `-> every trajectory at one instant`
-    reactions = _quick(lambda model: model.events.reactions)  # see `EventFunctions.reactions`
-    round = _quick(lambda model: model.events.round)  # see `acausal.lower.events.round.Round`
-    distances = _quick(lambda model: model.events.distances)  # `-> distance`, one per relation
+    rhs = _buffered(lambda model: model.rhs)  # `-> (ode, alg)`
+    observe = _buffered(lambda model: model.observe)  # `-> every trajectory at one instant`
+    reactions = _buffered(lambda model: model.events.reactions)  # see `EventFunctions.reactions`
+    round = _buffered(lambda model: model.events.round)  # see `acausal.lower.events.round.Round`
+    distances = _buffered(lambda model: model.events.distances)  # `-> distance`, one per relation
     # `-> distances` with the sign of their modes, positive while these hold
-    watch = _quick(lambda model: model.events.watch)
-    rates = _quick(lambda model: model.events.rates)  # see `guard_rates`
-    guess = _quick(lambda model: model.guess)  # `(p) -> (x, z)` as declared
-    constants = _quick(lambda model: model.constants)  # `(p) -> c`, in the order of `constant_nodes`
-    instants = _quick(lambda model: model.instants)  # `(p) -> times of the relations of time`
-    modes = _quick(lambda model: model.modes)  # `(t, p) -> m`
+    watch = _buffered(lambda model: model.events.watch)
+    rates = _buffered(lambda model: model.events.rates)  # see `guard_rates`
+    guess = _buffered(lambda model: model.guess)  # `(p) -> (x, z)` as declared
+    constants = _buffered(lambda model: model.constants)  # `(p) -> c`, in the order of `constant_nodes`
+    instants = _buffered(lambda model: model.instants)  # `(p) -> times of the relations of time`
+    modes = _buffered(lambda model: model.modes)  # `(t, p) -> m`
 
     def __init__(self, compiled: CompiledModel) -> None:
         self._model = ref(compiled)  # what is kept for a model must not keep it alive
-        self._several: dict[int, Quick] = {}
+        self._several: dict[int, BufferedFunction] = {}
         self._newton: dict[tuple[int, ...], Newton | None] = {}
         self._observers: dict[bool, tuple[Symbols, DefiningBuilder]] = {}
         self._observed: dict[tuple[tuple[int, ...], bool], Observing] = {}
@@ -112,7 +112,7 @@ class Kept:
         if n not in self._several:  # a run asks for the same few numbers of instants as the one before
             if len(self._several) > 32:
                 self._several.clear()
-            self._several[n] = Quick(self.islands.map(n))
+            self._several[n] = BufferedFunction(self.islands.map(n))
         return self._several[n](times, np.tile(u, n), np.tile(p, n), m.ravel(), d.ravel())[0]
 
     @cached_property
@@ -140,13 +140,13 @@ class Kept:
         return tuple(n for n in timely if n not in rates)
 
     @cached_property
-    def switches(self) -> Quick:
+    def switches(self) -> BufferedFunction:
         """`(t, p, m) -> their values`."""
         s = Symbols(self.compiled)
         builder = s.builder(self.compiled)
         builder.define([], self.compiled.rewritten)
         column = ca.vertcat(*builder.lower([builder.replaced(n) for n in self.switched]))
-        return Quick(ca.Function("switched", [s.t, s.p, s.m], [ca.densify(column)]))
+        return BufferedFunction(ca.Function("switched", [s.t, s.p, s.m], [ca.densify(column)]))
 
     @cached_property
     def open_start(self) -> OpenStart | None:
@@ -160,21 +160,21 @@ class Kept:
         return self._newton[free]
 
 
-_KEPT: WeakKeyDictionary[CompiledModel, Kept] = WeakKeyDictionary()
+_CACHES: WeakKeyDictionary[CompiledModel, FunctionCache] = WeakKeyDictionary()
 
 
-def kept(compiled: CompiledModel) -> Kept:
+def functions_of(compiled: CompiledModel) -> FunctionCache:
     """What is kept for a model; models are compared by identity, and forgotten when nobody else holds them."""
     compiled = compiled.common
-    found = _KEPT.get(compiled)
+    found = _CACHES.get(compiled)
     if found is None:
-        found = _KEPT[compiled] = Kept(compiled)
+        found = _CACHES[compiled] = FunctionCache(compiled)
     return found
 
 
 def truths(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
     """Each relation, 0 or 1; algebraic variables and other relations are those of `z` and `m`."""
-    (distance,) = kept(compiled).distances(t, x, z, u, p, m)
+    (distance,) = functions_of(compiled).distances(t, x, z, u, p, m)
     nodes = compiled.solution.structure.reduced.pool.nodes
     reaches = np.array([nodes[n][0] in ("le", "ge") for n in compiled.state_events.relations], dtype=bool)
     return np.asarray((distance > 0) | ((distance == 0) & reaches), dtype=float)
