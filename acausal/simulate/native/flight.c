@@ -17,6 +17,7 @@ enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_
 enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
 enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
 #define INSTANT 1e-12 /* instants are told apart by this share of the run, or of the time: guards.py */
+#define FEW_INSTANTS 2.0 /* an interval as short is not divided where a guard jumps in it: bracketing.py */
 #define ROUNDINGS 2e-14
 #define LOCATED 1e-2
 #define BEHIND 1.001
@@ -566,8 +567,8 @@ static int search(struct flight* s, struct space* o, double instant, int* found)
     if (width > 0.5 * widths[0]) trial = 0.5 * (left->t + right->t);
     widths[0] = widths[1]; widths[1] = width;
     if (trial - left->t <= instant) {
-      if (passed && !is_there) { *found = 1; return 0; }
-      trial = left->t + instant;
+      if (passed && !is_there && width <= FEW_INSTANTS * instant) { *found = 1; return 0; }
+      trial = left->t + instant; /* a guard that jumps: a cubic through both sides crosses zero at once */
     }
     if (trial > right->t - 0.5 * instant) trial = right->t - 0.5 * instant;
     if (top == DEEPEST) return UNUSUAL;

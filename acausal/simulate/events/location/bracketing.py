@@ -24,6 +24,8 @@ from acausal.arrays import Vector
 # A dip is looked into when its tangents meet below this share of what they fall and rise.
 _LOW = 0.05
 _MOST_POINTS = 400
+# An interval as short as so many instants that cannot be told apart is not divided where a guard jumps in it.
+_FEW_INSTANTS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +71,9 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
             trial = 0.5 * (left.t + right.t)
         earlier, last = last, width
         if trial - left.t <= instant:
-            if passed.any() and not is_there:
+            if passed.any() and not is_there and width <= _FEW_INSTANTS * instant:
                 return left
-            trial = left.t + instant
+            trial = left.t + instant  # a guard that jumps: a cubic through both sides crosses zero at once
         found = integrate(left, min(trial, right.t - 0.5 * instant))
         pending = [found] if (found.above < 0.0).any() else [*pending, found]  # the first event is before it
     raise RuntimeError("no first crossing was found")
