@@ -12,7 +12,22 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Expr, Real, cosh, der, exp, fixed, parameter, structural, tanh, time, variable
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    cosh,
+    der,
+    exp,
+    fixed,
+    parameter,
+    sqrt,
+    structural,
+    tanh,
+    time,
+    variable,
+)
 from acausal.lower.compiled import CompiledModel
 
 SPAN = 100.0
@@ -82,6 +97,38 @@ def test_pulses_without_a_middle(solver: str) -> None:
         r = acausal.simulate(model, parameters={"c": c, "w": w, "k": k}, **run)
         exact = k * w * PULSES[pulse][1]
         assert r.final("y") == pytest.approx(exact, abs=100.0 * tolerance * max(1.0, exact)), (pulse, w, c, tolerance)
+
+
+def _root_step_area() -> float:
+    """Integral of exp(-400 (g - 1/2)^2) over v, g = v/sqrt(1 + v^2), dv = dg/(1 - g^2)^1.5, by the midpoint rule."""
+    g = (np.arange(200_000) + 0.5) / 100_000 - 1.0
+    return float(np.sum(np.exp(-400.0 * (g - 0.5) ** 2) / (1.0 - g * g) ** 1.5) / 100_000)
+
+
+class RootStep(Component):
+    """y' = k exp(-400 (g - 1/2)^2), g = v/sqrt(1 + v^2), v = (x - c)/w: only a run knows whether it is narrow."""
+
+    c: Real = parameter(default=50.0)
+    w: Real = parameter(default=0.01)
+    k: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        v = (self.x - self.c) / self.w
+        yield der(self.x) == 1.0
+        yield der(self.y) == self.k * exp(-400.0 * (v / sqrt(1.0 + v * v) - 0.5) ** 2)
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+def test_a_pulse_of_a_root_step(solver: str) -> None:
+    model, rng, area = acausal.compile(RootStep()), random.Random(f"root {solver}"), _root_step_area()
+    for _ in range(8):
+        w, c = SPAN * 10.0 ** rng.uniform(-5.0, -2.0), SPAN * rng.uniform(0.2, 0.8)
+        tolerance = rng.choice([1e-4, 1e-6, 1e-8])
+        run: dict[str, Any] = {"stop_time": SPAN, "solver": solver, "tolerance": tolerance, "native": False}
+        r = acausal.simulate(model, parameters={"c": c, "w": w, "k": 1.0 / w}, **run)
+        assert r.final("y") == pytest.approx(area, abs=100.0 * tolerance), (w, c, tolerance)
 
 
 class Behind(Component):

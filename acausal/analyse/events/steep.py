@@ -93,7 +93,7 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
         low, high = (low, high) if low + high > 0.0 else (-high, -low)
         if low >= -_ROUNDING * high and math.isfinite(high):
             return high > _FACTOR * low or any(pool.nodes[n][0] == "par" for n in pool.reachable([argument]))
-        return (has_floor[argument] or low > 0.0) and _is_wide(points, argument)
+        return has_floor[argument] or (low > 0.0 and _is_wide(points, argument))
 
     for number, argument in candidates:
         op, *operands = pool.nodes[number]

@@ -17,6 +17,8 @@ _ENDS = 37.0
 _LOWEST, _HIGHEST = -92.0, 709.0
 # With room for differences.
 _TALLEST = 1e100
+# Powers count as this exponent at least: `u/sqrt(1 + u**2)` goes all its way while the root changes by three.
+_LEAST_EXPONENT = 4.0
 
 
 class Levels:
@@ -63,6 +65,13 @@ class Levels:
         return np.array([*found], dtype=np.intp), np.array([*found.values()])
 
     @cached_property
+    def _scales(self) -> tuple[Vector, Vector]:
+        """By which the logarithm of each power's argument is multiplied, and the level of what is nothing."""
+        exponents = np.abs(self._powers[1])
+        scales = np.maximum(exponents, _LEAST_EXPONENT)
+        return scales, _LOWEST * scales / exponents
+
+    @cached_property
     def may_turn(self) -> NDArray[np.bool_]:
         """Which of them may be another where their argument is zero than on both of its sides."""
         return np.isin(np.arange(self.count), [*self._powers[0], *self._cosh])
@@ -89,14 +98,13 @@ class Levels:
         `largest`: The largest size of each argument, shape (k,); a power is nothing where it is 1e-40 of that there.
         """
         found = np.zeros((len(values), self.count))
-        (bases, rates), (powers, exponents) = self._exponentials, np.abs(self._powers)
+        (bases, rates), powers, (scales, lowest) = self._exponentials, self._powers[0], self._scales
         found[:, self._tanh] = np.clip(2.0 * values[:, self._tanh], -_ENDS, _ENDS)
         found[:, self._atan] = np.clip(np.arcsinh(values[:, self._atan]), -_ENDS, _ENDS)
         found[:, self._cosh] = np.clip(values[:, self._cosh], -_HIGHEST, _HIGHEST)
         found[:, bases] = np.clip(rates * values[:, bases], _LOWEST, _HIGHEST)
-        powers = powers.astype(np.intp)
         with np.errstate(divide="ignore", invalid="ignore"):
-            size = exponents * np.log(np.abs(values[:, powers]) / largest[powers]) - _LOWEST
+            size = scales * np.log(np.abs(values[:, powers]) / largest[powers]) - lowest
         found[:, powers] = np.sign(values[:, powers]) * np.maximum(np.nan_to_num(size), 0.0)
         return found
 
@@ -106,13 +114,13 @@ class Levels:
         for own, of in ((self._tanh, lambda v: 0.5 * v), (self._atan, np.sinh), (self._cosh, lambda v: v)):
             here = np.isin(columns, own)
             found[here] = of(levels[here])
-        (bases, rates), (powers, exponents) = self._exponentials, self._powers
-        rate, exponent = np.ones(self.count), np.ones(self.count)
-        rate[bases], exponent[powers] = rates, np.abs(exponents)
+        (bases, rates), powers = self._exponentials, self._powers[0]
+        rate, scale, lowest = np.ones(self.count), np.ones(self.count), np.zeros(self.count)
+        rate[bases], (scale[powers], lowest[powers]) = rates, self._scales
         here = np.isin(columns, bases)
         found[here] = levels[here] / rate[columns[here]]
         here = np.isin(columns, powers)
         j = columns[here]
-        size = np.exp((np.abs(levels[here]) + _LOWEST) / exponent[j]) * largest[j]
+        size = np.exp((np.abs(levels[here]) + lowest[j]) / scale[j]) * largest[j]
         found[here] = np.sign(levels[here]) * size
         return found
