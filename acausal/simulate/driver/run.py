@@ -39,6 +39,7 @@ from acausal.simulate.impulses import corners, refuse_jumps, refuse_leaps
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
+from acausal.simulate.record.fractions import refuse_fractions
 from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, share_of
@@ -181,6 +182,7 @@ class Run:
                     begin(memory, driver.dynamics, opts.start_time, start, m, flag)
                 driver.go()
                 refuse_leaps(recorder, opts.tolerances)
+                refuse_fractions(recorder)
         except (RunError, KeyboardInterrupt) as error:
             self.stopped = driver.stopped
             if not recorder.segments:
