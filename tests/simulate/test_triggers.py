@@ -19,6 +19,7 @@ from acausal import (
     change,
     connect,
     der,
+    discrete,
     edge,
     fixed,
     initial,
@@ -82,6 +83,26 @@ def test_a_trigger_in_exported_steps() -> None:
         row, y = (np.array(v).ravel() for v in step.function(row, [], step.p.start))
     assert dict(zip(names, y, strict=False)) == pytest.approx(EXPECTED)
     assert not y[len(names) :].any()
+
+
+class Ticking(Component):
+    """A discrete equation that reads a tick, in a model that remembers nothing."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = discrete(default=0.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.y == where(sample(0.0, 0.5), 1.0, 2.0)
+
+
+def test_a_tick_in_exported_steps_that_remember_nothing() -> None:
+    """Behind each tick y is 2 again."""
+    step = step_function(acausal.compile(Ticking()), 0.25, "rk4", ["x", "y"])
+    row, y = np.array(step.x.start), np.zeros(0)
+    for _ in range(4):
+        row, y = (np.array(v).ravel() for v in step.function(row, [], step.p.start))
+    assert y[:2] == pytest.approx([1.0, 2.0])
 
 
 class Held(Component):

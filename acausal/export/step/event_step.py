@@ -144,7 +144,8 @@ class Settling:
         stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
         # what has not settled goes on as it is, and says so if turns do not suffice
         more = ca.logic_and(stale, settled)
-        m[self.memories] = ca.if_else(more, found.remembered, m[self.memories])
+        if self.memories.stop > self.memories.start:  # of no memories CasADi makes a row here and a column there
+            m[self.memories] = ca.if_else(more, found.remembered, m[self.memories])
         anew = [ca.if_else(more, a, b) for a, b in ((last.conditions, was), (0, decided), (0, level), (0, flips))]
         over = ca.if_else(more, m, self._parts(state)[2])
         parts = [x, z, over, *anew, ca.if_else(more, 0, settled), *held]
