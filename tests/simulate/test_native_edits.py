@@ -15,7 +15,6 @@ from acausal import (
     der,
     discrete,
     fixed,
-    integer,
     pre,
     reset,
     sample,
@@ -54,7 +53,7 @@ class Written(Component):
     v: Real = variable(default=fixed(1.0))
     y: Real = variable(default=fixed(0.0))
     w: Real = variable(default=fixed(1.0))
-    n: Real = integer()
+    n: Real = discrete(default=fixed(0.0))
     d: Real = discrete(default=fixed(0.0))
 
     def equations(self) -> Equations:
