@@ -29,7 +29,7 @@ from measure import report, rounded
 
 import acausal
 from acausal.models.drilling_dynamic import ThickBlock
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.program import Program
 from acausal.study.bench.measure import processor_clock
 
@@ -65,7 +65,7 @@ def inside_c() -> Iterator[list[float]]:
 
     with (
         patch.object(Program, "__call__", timed(Program.__call__)),
-        patch.object(FlightProgram, "run", timed(FlightProgram.run)),
+        patch.object(EventLoopProgram, "run", timed(EventLoopProgram.run)),
     ):
         yield spent
 

@@ -33,15 +33,15 @@ class Watch:
     seen: list[tuple[float, float]] = field(default_factory=list)
     stops: list[float] = field(default_factory=list)
 
-    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+    def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
         """The next stop; nothing happens at it."""
         self.seen.append((here, self.value(moment.x)))
         return min(until, here + min(self.longest, self.most / max(abs(self.rate(moment.x)), 1e-9))), ()
 
-    def prepare(self, modes: np.ndarray) -> None:
+    def set_modes(self, modes: np.ndarray) -> None:
         """It has no modes."""
 
-    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+    def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Note where the run stopped, and let it go on."""
         self.stops.append(record.time)
         return True

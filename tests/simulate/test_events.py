@@ -28,7 +28,7 @@ from acausal import (
 )
 from acausal.errors import IntegrationError, StructureError
 from acausal.lower.symbols import Symbols
-from acausal.simulate.events.held import Hold, held
+from acausal.simulate.events.active_set import Hold, active_set
 from tests.marks import slow_but
 
 G = 9.81
@@ -253,7 +253,7 @@ def test_rates_of_a_sliding_mode_have_its_slopes_up_to_its_ends(p: float) -> Non
     """From -1 to 1, where the multiplier is exactly 0 and 1: as sensitivities meet it at the last of a stretch."""
     compiled = acausal.compile(Slid())
     s = Symbols(compiled)
-    ode = held(compiled, (Hold(0),), None).compiled.rhs(*s.inputs)[0]
+    ode = active_set(compiled, (Hold(0),), None).compiled.rhs(*s.inputs)[0]
     slope = ca.Function("slope", s.inputs, [ode[1], ca.jacobian(ode[1], s.p)])
     rate, by_p = slope(0, [0, 0], [], [], [p], [1] * s.m.numel())
     assert (float(rate), float(by_p)) == pytest.approx((p, 1.0), abs=1e-15)

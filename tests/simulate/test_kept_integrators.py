@@ -1,4 +1,5 @@
-"""Integrators of the search for events are kept: none is made in a second run, and rows lie between their looks."""
+"""Integrators of the search for events are kept: none is made in a second run, and rows lie between their mesh
+points."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, quantity, variable, where
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.simulate.events.location.between import between
-from acausal.simulate.events.location.looks import growing, stepped
+from acausal.simulate.events.location.mesh import growing, stepped
 
 
 @pytest.fixture
@@ -116,7 +117,7 @@ class Switching(Component):
 
 
 @pytest.mark.parametrize("solver", ["idas", "cvodes"])
-def test_rows_between_looks_are_as_good_as_steps(solver: str, made: Callable[[], int]) -> None:
+def test_rows_between_mesh_points_are_as_good_as_steps(solver: str, made: Callable[[], int]) -> None:
     """x = cos t, y' = a*(x - y) from 1: y = (a^2 cos t + a sin t + exp(-a t)) / (1 + a^2); rows at no step's end."""
     compiled = acausal.compile(Switching())
     a = 1e4
@@ -130,8 +131,8 @@ def test_rows_between_looks_are_as_good_as_steps(solver: str, made: Callable[[],
     assert made() <= 5  # for other outputs
 
 
-def test_between_looks() -> None:
-    """A polynomial of degree five is known exactly; what is not smooth is not known, but at the looks.
+def test_between_mesh_points() -> None:
+    """A polynomial of degree five is known exactly; what is not smooth is not known, but at the mesh points.
 
     What does not change is the same to the last digit: a hole is nowhere less deep than before.
     """
@@ -150,7 +151,7 @@ def test_between_looks() -> None:
     assert (found == 0.1).all()
 
 
-def test_looks_are_few_grids() -> None:
+def test_meshes_are_few_grids() -> None:
     """Any stretch has one of some hundred grids, from a sixteenth of its first look to its end or to the last look."""
     grids = set()
     for length in np.geomspace(1e-9, 1e3, 40):
@@ -209,9 +210,9 @@ def test_integrators_of_the_same_equations_derive_them_once(monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("count", [1, 7, 500])
-def test_looks_of_fixed_steps_are_two_steps_apart_and_cut_none(count: int) -> None:
+def test_mesh_points_of_fixed_steps_are_two_steps_apart_and_cut_none(count: int) -> None:
     # each look is an output or lies on the steps between two of them, so that looking costs no further step
     outputs, end = np.linspace(0.0, 1.0, 101)[1:], 1.0
     assert stepped(0.0, outputs, end, 0.01, count).tolist() == outputs[:count].tolist()
-    closer = np.arange(1, 501) / 500  # outputs ten steps of 1 ms apart have four looks between them
+    closer = np.arange(1, 501) / 500  # outputs ten steps of 1 ms apart have four mesh points between them
     assert stepped(0.0, outputs, end, 1e-3, count) == pytest.approx(closer[:count], rel=1e-14)

@@ -1,4 +1,4 @@
-"""Bodies that come to rest, or do not, and guards that dip below zero between looks that are not even.
+"""Bodies that come to rest, or do not, and guards that dip below zero between mesh points that are not even.
 
 Expected values: a ball dropped from 1 m lies on the floor, h = 0, after (1 + e)/(1 - e) times the time of its first
 fall, whatever is left of its speed at an impact (e = 0: at once, e = 1: never); until then its flights are parabolas.

@@ -39,7 +39,7 @@ from acausal import (
 )
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.watched import with_watched
-from acausal.simulate.driver.overlooked import Overlooked
+from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.segment import Piece, Segment
 from tests.marks import slow_but
@@ -387,9 +387,9 @@ HARMLESS: dict[str, Callable[[Any, Any], Expr]] = {
 @pytest.mark.parametrize("most", [20_000, 50])
 def test_what_is_not_searched_is_said(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stretch of more steps than the search takes may pass something: not without a word, and no word else."""
-    from acausal.simulate.driver import overlooked
+    from acausal.simulate.driver import missed_events
 
-    monkeypatch.setattr(overlooked, "_MOST", most)
+    monkeypatch.setattr(missed_events, "_MOST", most)
     r = acausal.simulate(_crest("tanh", "time"), stop_time=10.0, solver="cvodes", tolerance=1e-8)
     notes: Any = r.stats["notes"]
     assert any("too many steps to be searched" in note for note in notes) == (most == 50)
@@ -468,12 +468,12 @@ def test_a_flight_finds_what_wakes_between_its_steps(solver: str, monkeypatch: p
     """Crests of three speeds, each awake for a few thousandths of a turn: in compiled code, without a second search."""
     asked: list[float] = []
 
-    def cleared(self: Overlooked, problem: Problem, segment: Segment, piece: Piece) -> bool:
+    def cleared(self: MissedEvents, problem: Problem, segment: Segment, piece: Piece) -> bool:
         asked.append(segment.start)
         return clears(self, problem, segment, piece)
 
-    clears = Overlooked.clears
-    monkeypatch.setattr(Overlooked, "clears", cleared)
+    clears = MissedEvents.clears
+    monkeypatch.setattr(MissedEvents, "clears", cleared)
     model = acausal.compile(Woken())
     for w in (31.0, 57.88, 211.0):
         r = acausal.simulate(model, stop_time=2.5, solver=solver, native=True, parameters={"w": w})

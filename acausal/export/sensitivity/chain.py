@@ -65,10 +65,10 @@ class Chain:
         found = [np.zeros(0) if longest is None else np.arange(first, self.stop, longest)]
         for k in range(len(self.passages)):
             own = self.stretch(k)
-            if hybrid.overlooked is not None and own.end > own.start:
+            if hybrid.missed_events is not None and own.end > own.start:
                 times = np.linspace(own.start, own.end, 3)[1:]
                 segment = replace(hybrid.template, start=own.start, times=times, x=own.x, z=own.z, p=own.m)
-                found.append(hybrid.overlooked.places(own.regime.problem, segment))
+                found.append(hybrid.missed_events.places(own.regime.problem, segment))
         marks = np.unique(np.concatenate(found))
         far = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
         return np.asarray(marks[far])
@@ -219,7 +219,7 @@ class Chain:
         passage = self.passages[k]
         if passage.guard is None:
             return True
-        return passage.left.regime.held.owners[passage.guard][0] in self.compiled.state_events.watched
+        return passage.left.regime.active_set.owners[passage.guard][0] in self.compiled.state_events.watched
 
     def stretch(self, k: int) -> Stretch:
         """The linear map from just after event k to the next one, or to the end."""

@@ -32,7 +32,9 @@ def refuse_missed(chain: Chain, rows: Vector) -> None:
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
         own = [
-            j for j, (relation, side) in enumerate(stretch.regime.held.owners) if side < 0 and relation not in watched
+            j
+            for j, (relation, side) in enumerate(stretch.regime.active_set.owners)
+            if side < 0 and relation not in watched
         ]
         if not own or stretch.end <= stretch.start:
             continue
@@ -89,7 +91,7 @@ def _refuse(
     low = _vertex(times[k - 1 : k + 2], values[k - 1 : k + 2, place])
     if low > noise or min(beside[0], beside[2]) <= _AWAY * noise:
         return
-    cause = guards.causes[stretch.regime.held.owners[place][0]]
+    cause = guards.causes[stretch.regime.active_set.owners[place][0]]
     raise ExportError(
         "AC615",
         f"sensitivities do not take {chain.compiled.name}: at t = {times[k]:.9g} s a relation is only just missed",

@@ -116,13 +116,13 @@ class _Point:
 
     def _falls(self, dx: Vector, dp: Vector) -> Vector:
         """Change of guards resting on zero along `dx` (nx,), `dp` (count,); zero for others; shape (n_guards,)."""
-        held = self.moment.regime.held
-        if not held.owners:
+        active = self.moment.regime.active_set
+        if not active.owners:
             return np.zeros(0)
         by_x, by_p, _ = self.chain.slopes.total(
-            self.moment.regime, ("guards",), lambda *a: held.watch(*a), self.t, self.moment
+            self.moment.regime, ("guards",), lambda *a: active.watch(*a), self.t, self.moment
         )
         falls = by_x[:, : self.chain.nx] @ dx + by_p @ dp
         g, rate, noise = self.chain.hybrid.guards.state(self.t, self.moment)
-        is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in held.owners])
+        is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in active.owners])
         return np.where(is_resting & (np.abs(falls) > _STILL * noise), falls, 0.0)

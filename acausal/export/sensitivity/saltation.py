@@ -86,12 +86,12 @@ class Saltation:
             return np.zeros(self.size), np.zeros(self.count)
         if passage.guard is None:
             return np.zeros(self.size), self._known(t)
-        guard, place = left.regime.held.watch, passage.guard
+        guard, place = left.regime.active_set.watch, passage.guard
         own = self.slopes.total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
         slope_x, slope_p, slope_t = own
         rate = float(slope_t[0] + slope_x[0, : self.nx] @ self.slopes.rate(left.regime, t, left))
         if self._is_grazed(passage, place, rate):
-            relation = left.regime.held.owners[place][0]
+            relation = left.regime.active_set.owners[place][0]
             if relation in self.compiled.state_events.watched:  # nothing jumps there
                 return np.zeros(self.size), np.zeros(self.count)
             cause = self.hybrid.guards.causes[relation]
@@ -113,7 +113,7 @@ class Saltation:
             return
         what, where = "a sample", None
         if passage.guard is not None:
-            relation = left.regime.held.owners[passage.guard][0]
+            relation = left.regime.active_set.owners[passage.guard][0]
             cause = self.hybrid.guards.causes[relation]
             what, where = cause.text, cause.where
             if relation in self.compiled.state_events.watched:  # nothing jumps there
@@ -245,7 +245,7 @@ class Saltation:
 
     def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
         """Projection of a variation onto the condition of a new hold, to subtract: shapes (nx, size), (nx, count)."""
-        value, slope, ways = regime.held.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
+        value, slope, ways = regime.active_set.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
         slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
         inverse = ways @ np.linalg.pinv(slope @ ways)
         key = "kept", regime.holds, regime.border
@@ -257,5 +257,5 @@ class Saltation:
     def _kept_slopes(self, regime: Regime) -> Matrices:
         """Function `(t, x, z, u, p, m) ->` derivatives by p and m of the quantity that a hold keeps constant."""
         s = Symbols(self.compiled)
-        value = regime.held.kept_of(*s.inputs)
+        value = regime.active_set.kept_of(*s.inputs)
         return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(value, v)) for v in (s.p, s.m)]))

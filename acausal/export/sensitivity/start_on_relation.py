@@ -21,7 +21,7 @@ def refuse_start_on_relation(chain: Chain) -> None:
     """Raise ExportError AC615 if a run begins on a relation with an effect, from which parameters move it away."""
     passage = chain.passages[0]
     t, moment = passage.time, passage.happened.moment
-    owners = moment.regime.held.owners
+    owners = moment.regime.active_set.owners
     if not owners:
         return
     g, rate, noise = chain.hybrid.guards.state(t, moment)
@@ -30,7 +30,7 @@ def refuse_start_on_relation(chain: Chain) -> None:
         return
     by_x, by_p, *_ = chain.event(passage)
     variations = by_x @ chain.start() + by_p
-    slopes = chain.slopes.total(moment.regime, ("guards",), lambda *a: moment.regime.held.watch(*a), t, moment)
+    slopes = chain.slopes.total(moment.regime, ("guards",), lambda *a: moment.regime.active_set.watch(*a), t, moment)
     moves = np.abs(slopes[0] @ variations + slopes[1])
     sizes = np.abs(chain.p[chain.chosen])
     moves *= np.where(sizes > 0.0, sizes, 1.0)

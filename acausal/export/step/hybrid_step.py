@@ -37,8 +37,8 @@ from acausal.lower.events.functions import AT_REST
 from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.active_set import Hold
 from acausal.simulate.events.guards import Guards, Moment
-from acausal.simulate.events.held import Hold
 from acausal.simulate.events.iteration import Iteration
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.sampling import clocks, due, users
@@ -371,7 +371,7 @@ class HybridStep:
                 if k in found or target >= compiled.n_dynamic:
                     continue
                 regime = Regime(problem, (Hold(k, target),))
-                if regime.held.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
+                if regime.active_set.is_possible and regime.is_solvable(begin.t, begin.x, begin.z, m):
                     found[k] = _Impact(k, _projection(compiled, k, target))
         return list(found.values())
 

@@ -50,7 +50,7 @@ def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = F
     `branches`: expresses kinks by modes, so that each side can be differentiated.
 
     Cached by model and located table points. Bursts are not located: the solution is searched for them afterwards
-    (`acausal.simulate.driver.overlooked`).
+    (`acausal.simulate.driver.missed_events`).
     """
     variants = _CACHE.setdefault(compiled, {})
     numbers, passed = tuple[int, ...](), 0

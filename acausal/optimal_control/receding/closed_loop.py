@@ -128,16 +128,16 @@ class SampledController:
         self.cost: list[float] = []
         self.iterations: list[int] = []
 
-    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+    def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
         """No further limit, because samples are stops known in advance."""
         return until, ()
 
-    def prepare(self, modes: Vector) -> None:
+    def set_modes(self, modes: Vector) -> None:
         """Write the inputs of the current sample into the modes, shape (n_modes,)."""
         numbers = [pieces.numbers[self.sample] for pieces in self.held]
         modes[self.first : self.first + INPUT_WIDTH * len(self.held)] = np.concatenate(numbers)
 
-    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+    def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Call the controller at the end of a sample."""
         ahead = self.sample + 1
         near = 1e-9 * self.controller.step

@@ -100,7 +100,7 @@ class Memory:
 
     # ---- before a stretch ------------------------------------------------------------------------------------------
 
-    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+    def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
         """Look at the past for the stretch from `here` on, at most to `until`.
 
         Returns where the stretch ends, and the delays that jump just here.
@@ -127,7 +127,7 @@ class Memory:
             raise vanished(self.compiled.name, here, self.items[int(np.argmin(lags))], float(np.min(lags)))
         return end, causes
 
-    def prepare(self, modes: Vector) -> None:
+    def set_modes(self, modes: Vector) -> None:
         """What the stretch sees of the past, into its modes."""
         modes[self.own] = self.numbers
 
@@ -270,7 +270,7 @@ class Memory:
 
     # ---- after a stretch -------------------------------------------------------------------------------------------
 
-    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+    def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Try the rest of the stretch again, or note what breaks where the run has come to."""
         if complete:
             self._reached(record.time)

@@ -110,15 +110,15 @@ def known_instants(
 class Source(Protocol):
     """What stops a run at instants that follow from the run itself. It is asked where a stretch begins."""
 
-    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+    def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
         """Where the stretch from `here` on has to end, at most at `until`, and what happens at `here` because of it."""
         ...
 
-    def prepare(self, modes: Vector) -> None:
+    def set_modes(self, modes: Vector) -> None:
         """Write its own modes during the stretch into those that depend on time, shape (n_timely,)."""
         ...
 
-    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+    def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Whether the equations hold from here on; if not, the run ends, without the event at its end.
 
         The stretch has come to `record.time`, with `events` on the way; not `complete` where it was found to go too
@@ -177,11 +177,11 @@ class Agenda:
             return whole
         causes: tuple[Cause, ...] = ()
         for source in self.sources:
-            end, why = source.limit(place.here, end, moment)
+            end, why = source.next_stop(place.here, end, moment)
             causes += why
         modes = whole.modes.copy()
         for source in self.sources:
-            source.prepare(modes)
+            source.set_modes(modes)
         outputs, margin = whole.times, self.margin
         near = outputs[np.abs(outputs - end) <= margin]
         end = float(near[0]) if len(near) else end
@@ -194,6 +194,6 @@ class Agenda:
         """Instants nearer than this are one [s]."""
         return max(_MARGIN * self.span, _ROUNDING * float(np.abs(self.schedule.instants[[0, -1]]).max()))
 
-    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+    def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Tell the sources how far a stretch has come; whether all of them can go on."""
-        return all([source.passed(record, events, complete) for source in self.sources])
+        return all([source.accepts(record, events, complete) for source in self.sources])

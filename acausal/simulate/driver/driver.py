@@ -11,11 +11,11 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import InitializationError
 from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch, TooFar
-from acausal.simulate.driver.flight import Flight, Landing
+from acausal.simulate.driver.event_loop import EventLoop, LoopState
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.failure import integration_error, is_constraining
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Segment
@@ -64,11 +64,11 @@ class Dynamics(Protocol):
         """The run was brought to these values from outside."""
         ...
 
-    def flight(self, schedule: Schedule) -> Flight | None:
+    def event_loop(self, schedule: Schedule) -> EventLoop | None:
         """How compiled code passes stretches of this run, if it can."""
         ...
 
-    def library(self) -> Library[FlightProgram] | None:
+    def library(self) -> Library[EventLoopProgram] | None:
         """The compiled code for what is in force, if there is one."""
         ...
 
@@ -129,31 +129,31 @@ class Driver:
     def through(self, place: Place) -> None:
         """From a place to the last stop; the event there is not passed, and failures are the solver's own."""
         known = self.agenda.schedule
-        flight = None if self.agenda.sources else self.dynamics.flight(known)
+        loop = None if self.agenda.sources else self.dynamics.event_loop(known)
         while place.segment < known.segments and not self.ended:
             if self.dynamics.terminated is not None and self.recorder.count:
                 break
-            place = self._flown(flight, place) or self._step(place)
+            place = self._compiled(loop, place) or self._step(place)
             if self.report is not None and not place.entered:
                 self.report(self.recorder.time)
 
-    def _flown(self, flight: Flight | None, place: Place) -> Place | None:
+    def _compiled(self, loop: EventLoop | None, place: Place) -> Place | None:
         """Where compiled code comes to from here, if it does."""
         # the first instant is that of the start, about which compiled code knows nothing
-        if flight is None or flight.is_vain or (place.segment == 0 and not place.entered):
+        if loop is None or loop.has_stalled or (place.segment == 0 and not place.entered):
             return None
         library, moment = self.dynamics.library(), self.dynamics.reached
         if library is None:
             return None
         most = None if self.report is None else max(1, self.agenda.schedule.segments // _REPORTS)
-        landing = flight.go(library, Landing(place, moment.x, moment.m, self.dynamics.pace), most)
-        if landing is None:
+        reached = loop.go(library, LoopState(place, moment.x, moment.m, self.dynamics.pace), most)
+        if reached is None:
             return None
-        self.dynamics.moved(landing.x, moment.z, landing.m)
-        self.dynamics.pace = landing.pace
-        if landing.place.entered:
-            self.entered = self.agenda.stretch(landing.place, self.dynamics.reached, True)
-        return landing.place
+        self.dynamics.moved(reached.x, moment.z, reached.m)
+        self.dynamics.pace = reached.pace
+        if reached.place.entered:
+            self.entered = self.agenda.stretch(reached.place, self.dynamics.reached, True)
+        return reached.place
 
     def _step(self, place: Place) -> Place:
         """The event at the start of a stretch, or on to the next stop."""
@@ -186,7 +186,7 @@ class Driver:
             self._explain(stretch, self.agenda.schedule.outputs(place.segment))
         here, end = self.recorder.time, float(self.agenda.schedule.instants[place.segment + 1])
         events = [t for t, _, _ in self.recorder.boundaries[self._boundary :]]
-        self.ended = not self.agenda.passed(self.recorder, events, complete)
+        self.ended = not self.agenda.accepts(self.recorder, events, complete)
         if self.recorder.time < here:
             self.dynamics.terminated = None  # what ended the run has been cut
         ended = here >= end or (complete and stretch.end >= end)
@@ -214,7 +214,7 @@ class Driver:
         first = compiled.n_modes - len(compiled.state_events.relations)
         after = self.recorder.point(self._row)[3][first:]
         flipped = after != self._before.m[first:]
-        held = list(self._before.regime.held.taken)  # recorded as the multipliers that hold them
+        held = list(self._before.regime.active_set.taken)  # recorded as the multipliers that hold them
         flipped[held] &= (after[held] <= 0.0) | (after[held] >= 1.0)
         texts, places = compiled.events.texts, compiled.events.places
         return tuple(Cause(texts[k], *places[k]) for k in np.flatnonzero(flipped).tolist())

@@ -11,8 +11,8 @@ import numpy as np
 
 from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
-from acausal.simulate.driver.flight import Flight, Passed, can_fly
-from acausal.simulate.driver.overlooked import Overlooked
+from acausal.simulate.driver.event_loop import EventLoop, LoopEvent, suits_event_loop
+from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, as_one, resting_band
@@ -22,7 +22,7 @@ from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
@@ -45,10 +45,10 @@ _VAGUE = 40
 _SMALL, _RESTLESS = 400, 1e-6
 # Share of the run that is integrated at once at least.
 _SHORTEST = 1e-9
-# Looks of a one-step method in a whole run, and in any stretch.
-_LOOKS, _FEWEST_LOOKS = 64, 4
+# Mesh points of a one-step method in a whole run, and in any stretch.
+_MOST_POINTS, _FEWEST_POINTS = 64, 4
 # Stretches with the same relations that were not cleared of steep functions, after which none is tried.
-_VAIN = 2
+_MOST_UNCLEARED = 2
 # So many failures must have brought a run on by this share of it.
 _MANY, _PROGRESS = 100, 1e-6
 # What is said where all stays as it was: a cause without words is no event of the result.
@@ -82,7 +82,7 @@ class Hybrid:
     template: Segment
     span: float
     traced: bool = False
-    overlooked: Overlooked | None = None
+    missed_events: MissedEvents | None = None
     """Searches what has been passed by a solver that stops at guards by itself; None where nothing is steep."""
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
@@ -94,8 +94,8 @@ class Hybrid:
     _failed: bool = False
     _vague: dict[int, int] = field(default_factory=dict)
     _small: dict[int, list[float]] = field(default_factory=dict)
-    _vain: dict[bytes, int] = field(default_factory=dict)
-    _flight: Flight | None = None
+    _uncleared: dict[bytes, int] = field(default_factory=dict)
+    _flight: EventLoop | None = None
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -140,19 +140,19 @@ class Hybrid:
         """The run was brought to these values from outside."""
         self.moment = replace(self.reached, x=x, z=z, m=m)
 
-    def flight(self, schedule: Schedule) -> Flight | None:
+    def event_loop(self, schedule: Schedule) -> EventLoop | None:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
-        if not self.single_step or not can_fly(self.problem, self.solver):
+        if not self.single_step or not suits_event_loop(self.problem, self.solver):
             return None
         if self._flight is not None and self._flight.over(schedule) is not None:
             return self._flight
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
-        clears = None if self.overlooked is None else self._clears
-        self._flight = Flight(*parts, self._trace if self.traced else None, clears)
+        clears = None if self.missed_events is None else self._clears
+        self._flight = EventLoop(*parts, self._trace if self.traced else None, clears)
         return self._flight
 
-    def _trace(self, passed: Passed) -> None:
-        """Keep an event of a flight."""
+    def _trace(self, passed: LoopEvent) -> None:
+        """Keep an event of the compiled loop."""
         now = self.reached
 
         def moment(x: Vector, m: Vector) -> Moment:
@@ -162,10 +162,10 @@ class Hybrid:
         happened = Happened(moment(*passed.right), jumps=jumps)
         self.passages.append(Passage(passed.time, moment(*passed.left), passed.guard, happened))
 
-    def library(self) -> Library[FlightProgram] | None:
+    def library(self) -> Library[EventLoopProgram] | None:
         """The compiled code for the regime in force, if there is one."""
         regime = self.reached.regime
-        if regime.holds or self._is_vain(self.reached.m):
+        if regime.holds or self._must_search(self.reached.m):
             return None
         return compiled_program(regime, self.template, self.solver.name)
 
@@ -263,10 +263,10 @@ class Hybrid:
 
         Nothing follows that would show the crossing; whether a solver has found it just before is left to rounding.
         """
-        if not left.regime.held.owners:
+        if not left.regime.active_set.owners:
             return
         g, rate, noise = self.guards.state(t, left)
-        relations = np.array([side < 0 for _, side in left.regime.held.owners], dtype=bool)
+        relations = np.array([side < 0 for _, side in left.regime.active_set.owners], dtype=bool)
         fired = relations & (np.abs(g) <= noise) & (rate < -noise)
         if fired.any():
             happened = self.event(t, left, fired)
@@ -282,7 +282,7 @@ class Hybrid:
         """
         watched = self.problem.compiled.state_events.watched
         for k in np.flatnonzero(close).tolist():
-            relation = left.regime.held.owners[k][0]
+            relation = left.regime.active_set.owners[k][0]
             if relation in watched:
                 continue
             beyond = self.iteration.consistent(t, self.iteration.flipped(left, np.arange(len(close)) == k))
@@ -293,7 +293,7 @@ class Hybrid:
 
     def event(self, t: float, left: Moment, fired: Truth) -> Happened:
         """Flip what has reached its guard, and iterate."""
-        relations = [left.regime.held.owners[k][0] for k in np.flatnonzero(fired)]
+        relations = [left.regime.active_set.owners[k][0] for k in np.flatnonzero(fired)]
         happened = self.iteration.settle(t, self.iteration.flipped(left, fired), left.m)
         held, landed = self.bounces.landed(t, left, happened, relations)
         if landed:
@@ -321,8 +321,8 @@ class Hybrid:
         while True:
             # errors that an implicit step leaves; those of an explicit one have not relaxed
             self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
-            looks = self.looks(segment)
-            wide = replace(segment, times=np.union1d(segment.times[segment.times <= looks[-1]], looks))
+            mesh = self.mesh(segment)
+            wide = replace(segment, times=np.union1d(segment.times[segment.times <= mesh[-1]], mesh))
             try:
                 stop = self._stopped(wide, moment)
             except Interrupted as interrupted:
@@ -330,7 +330,7 @@ class Hybrid:
                 raise
             except RuntimeError:
                 # frozen modes may lead where nothing is defined, just beyond an event: not so far, then
-                reach = float(looks[-1]) - segment.start
+                reach = float(mesh[-1]) - segment.start
                 failures += 1
                 # near a pole small pieces arrive somewhere again and again, without getting on
                 if reach <= 2 * _SHORTEST * self.span:
@@ -348,7 +348,7 @@ class Hybrid:
             self._refuse_lingering(stop)
             keep = np.isin(stop.times, segment.times)
             self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
-            reached = stop.time if stop.time is not None else float(looks[-1])
+            reached = stop.time if stop.time is not None else float(mesh[-1])
             self.pace = pace(segment.start, reached, stop.piece.counters)
             self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
             if stop.time is not None or reached >= segment.times[-1]:
@@ -363,9 +363,9 @@ class Hybrid:
 
         Stretches in which the same relations hold are not tried again where that was in vain.
         """
-        if self.overlooked is None:
+        if self.missed_events is None:
             return integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
-        if self._is_vain(moment.m):
+        if self._must_search(moment.m):
             return None
         stop = integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
         times, piece = stop.times, stop.piece
@@ -374,17 +374,17 @@ class Hybrid:
             piece = Piece(x, np.zeros((0, len(times))), piece.counters)
         return stop if self._clears(replace(segment, times=times), piece, moment.regime.problem) else None
 
-    def _is_vain(self, m: Vector) -> bool:
+    def _must_search(self, m: Vector) -> bool:
         """Whether stretches in which these relations hold have to be searched: others of them were not cleared."""
-        return self._vain.get(m[self.guards.first :].tobytes(), 0) >= _VAIN
+        return self._uncleared.get(m[self.guards.first :].tobytes(), 0) >= _MOST_UNCLEARED
 
     def _clears(self, segment: Segment, piece: Piece, problem: Problem | None = None) -> bool:
         """Whether nothing was passed over by what was found of a stretch."""
-        assert self.overlooked is not None, "asked only where something is steep"
-        if self.overlooked.clears(problem or self.problem, segment, piece):
+        assert self.missed_events is not None, "asked only where something is steep"
+        if self.missed_events.clears(problem or self.problem, segment, piece):
             return True
         relations = segment.p[self.guards.first :].tobytes()
-        self._vain[relations] = self._vain.get(relations, 0) + 1
+        self._uncleared[relations] = self._uncleared.get(relations, 0) + 1
         return False
 
     def _refuse_lingering(self, stop: Stop) -> None:
@@ -407,7 +407,7 @@ class Hybrid:
             if not self.is_delayed:
                 self._record(times, piece.x, piece.z, moment, piece.counters)
 
-        if self.is_delayed and not moment.regime.held.owners:
+        if self.is_delayed and not moment.regime.active_set.owners:
             reached = Arrival(None, moment.x, moment.z)
         else:
             reached = self.search.to_event(segment, moment, band, self._gap, record)
@@ -451,7 +451,7 @@ class Hybrid:
         if reached.vague is None:
             self._vague.clear()
             return
-        relation = moment.regime.held.owners[reached.vague][0]
+        relation = moment.regime.active_set.owners[reached.vague][0]
         if relation in self.problem.compiled.state_events.watched:
             return
         text = self.guards.texts[relation]
@@ -468,7 +468,7 @@ class Hybrid:
         if reached.small is None or reached.time is None:
             self._small.clear()
             return
-        relation = moment.regime.held.owners[reached.small][0]
+        relation = moment.regime.active_set.owners[reached.small][0]
         if relation in self.problem.compiled.state_events.watched:
             return
         times = self._small.setdefault(relation, [])
@@ -483,7 +483,7 @@ class Hybrid:
             self.notes.append(note)
             _log.warning("%s: %s", self.problem.compiled.name, note)
 
-    def looks(self, segment: Segment) -> Vector:
+    def mesh(self, segment: Segment) -> Vector:
         """Where a one-step method, which stops at events by itself, ends a step to have its guards looked at.
 
         Over the whole rest of the segment; where that has failed, not much farther than it has come.
@@ -493,7 +493,7 @@ class Hybrid:
         reach = self._gap if self._failed else np.inf
         if reach < span / 8:
             span = min(span, max(8 * reach, _SHORTEST * self.span))
-        count = max(_FEWEST_LOOKS, min(math.ceil(_LOOKS * span / self.span), _LOOKS))  # as in a whole run
+        count = max(_FEWEST_POINTS, min(math.ceil(_MOST_POINTS * span / self.span), _MOST_POINTS))  # as in a whole run
         found = segment.start + span * np.arange(1, count + 1) / count
         found[-1] = min(segment.start + span, end) if span < end - segment.start else end
         return found
@@ -503,7 +503,7 @@ class Hybrid:
 
         One that leaves it, from behind by rounding, may be there as long as it does not turn back.
         """
-        if not moment.regime.held.owners:
+        if not moment.regime.active_set.owners:
             return np.zeros(0)
         g, rate, noise = self.guards.state(t, moment)
         resting = resting_band(g, rate, noise)

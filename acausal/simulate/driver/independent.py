@@ -22,7 +22,7 @@ from acausal.errors import AcausalError
 from acausal.lower.subsystems.split import Subsystem
 from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch
 from acausal.simulate.driver.driver import Driver
-from acausal.simulate.driver.flight import Flight
+from acausal.simulate.driver.event_loop import EventLoop
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.arguments import arguments
@@ -30,7 +30,7 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.location.between import between
 from acausal.simulate.events.regime import Regime
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.merge import Rows, merged
 from acausal.simulate.record.record import Recorder
@@ -40,9 +40,9 @@ from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
 _NO_Z = np.zeros(0)
-# Looks of a stretch between which rows are interpolated, closer to its ends, and rows of which none is.
-_LOOKS, _FEW = 24, 8
-_SHARES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _LOOKS + 1) / _LOOKS)
+# Mesh points of a stretch between which rows are interpolated, closer to its ends, and rows of which none is.
+_POINTS, _FEW = 24, 8
+_SHARES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _POINTS + 1) / _POINTS)
 # Parts of a stretch of a run that reports its progress.
 _PARTS = 20
 
@@ -128,18 +128,18 @@ class Member:
         """States at the times of a segment, shape (nx, n).
 
         An interpreted step ends at each of them, and CasADi freezes them in an integrator. So many of them are
-        interpolated between looks, whose integrator is kept, where that is proved to be as good.
+        interpolated between mesh points, whose integrator is kept, where that is proved to be as good.
         """
         problem, times = regime.problem, segment.times
         is_compiled = problem.native.used or self.solver.multistep or segment.step is not None
-        # what wakes between two looks and is asleep at both is no polynomial
+        # what wakes between two mesh points and is asleep at both is no polynomial
         is_smooth = arguments(problem.compiled) is None and problem.n_dynamic > 0
         if is_compiled or not is_smooth or len(times) <= _FEW:
             return self._integrated(regime, segment)
         there = segment.start + segment.length * _SHARES
-        looks = self._integrated(regime, replace(segment, times=there, shares=_SHARES))
-        nodes, values = np.append(segment.start, there), np.column_stack([segment.x, looks]).T
-        size = np.abs(values[np.searchsorted(nodes, times).clip(1, _LOOKS) - 1])
+        points = self._integrated(regime, replace(segment, times=there, shares=_SHARES))
+        nodes, values = np.append(segment.start, there), np.column_stack([segment.x, points]).T
+        size = np.abs(values[np.searchsorted(nodes, times).clip(1, _POINTS) - 1])
         n = problem.n_dynamic
         allowed = np.full(size.shape, np.inf)
         allowed[:, :n] = segment.tolerances.of(size[:, :n], problem.scale_x)
@@ -318,11 +318,11 @@ class IndependentSystems:
         for member in self.members:
             member.dynamics.moved(x[member.part.states], _NO_Z, m[member.part.modes])
 
-    def flight(self, schedule: Schedule) -> Flight | None:
-        """Each system flies by itself."""
+    def event_loop(self, schedule: Schedule) -> EventLoop | None:
+        """Each system has a loop of its own."""
         return None
 
-    def library(self) -> Library[FlightProgram] | None:
+    def library(self) -> Library[EventLoopProgram] | None:
         """There is none for all of them."""
         return None
 

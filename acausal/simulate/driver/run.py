@@ -26,7 +26,7 @@ from acausal.simulate.driver.agenda import Agenda, Schedule, Source, known_insta
 from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.independent import IndependentSystems, Member
-from acausal.simulate.driver.overlooked import Overlooked
+from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.function_cache import functions_of, truths
@@ -109,7 +109,7 @@ class Run:
         return one if isinstance(one, Hybrid) else None
 
     @property
-    def apart(self) -> IndependentSystems | None:
+    def independent(self) -> IndependentSystems | None:
         """The systems that share no equation, where it is made of some."""
         return self.dynamics if isinstance(self.dynamics, IndependentSystems) else None
 
@@ -193,7 +193,7 @@ class Run:
             raise
         finally:
             self.timings["integrate"] = clock.perf_counter() - began
-        long = memory is None and self.apart is None and recorder.counters.get("steps", 0.0) >= MANY
+        long = memory is None and self.independent is None and recorder.counters.get("steps", 0.0) >= MANY
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
         result = self.finished(recorder, (*start.notes, *notes, *corners(recorder)))
         limit.check_run(recorder, result)
@@ -242,7 +242,7 @@ class Run:
 
             def whole() -> Hybrid:
                 parts = integrate, explore, self.tolerances, template, opts.span, self.traced
-                return Hybrid(problem, solver, recorder, *parts, self.overlooked(self.compiled, solver))
+                return Hybrid(problem, solver, recorder, *parts, self.missed_events(self.compiled, solver))
 
             members = self.members(known, template) if memory is None else []
             if members:
@@ -277,7 +277,7 @@ class Run:
 
         if model.state_events:
             parts = under, under, tolerances, own, opts.span
-            hybrid = Hybrid(problem, solver, recorder, *parts, overlooked=self.overlooked(model, solver))
+            hybrid = Hybrid(problem, solver, recorder, *parts, missed_events=self.missed_events(model, solver))
             return Member(part, problem, solver, recorder, hybrid, opts.span)
         smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), own, opts.span)
         return Member(part, problem, solver, recorder, smooth, opts.span)
@@ -290,7 +290,7 @@ class Run:
         """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
         try:
             own = solver or self.solver
-            search = self.overlooked(problem.compiled, own)
+            search = self.missed_events(problem.compiled, own)
             piece = own.integrate(problem, segment) if search is None else search(problem, segment)
         except RuntimeError:
             self.interrupt.check()
@@ -299,11 +299,11 @@ class Run:
             self.interrupt.check()
         return piece
 
-    def overlooked(self, compiled: CompiledModel, solver: Solver) -> Overlooked | None:
+    def missed_events(self, compiled: CompiledModel, solver: Solver) -> MissedEvents | None:
         """What searches behind a solver, where equations of this run hold something steep."""
         if not self.searches or arguments(compiled) is None:
             return None
-        return Overlooked(solver.integrate, self.unsearched.append)
+        return MissedEvents(solver.integrate, self.unsearched.append)
 
     def segment(self, here: float, times: Vector, x: Vector, z: Vector, m: Vector) -> Segment:
         """What a solver is asked: from `here` over the output times `times`."""
@@ -325,7 +325,7 @@ class Run:
         done = (t - self.options.start_time) / self.options.span
         if not 0.0 < done < 1.0 or steps < self._ask_at or steps / done < MANY:
             return
-        if self.compiled.delays or self.apart is not None:
+        if self.compiled.delays or self.independent is not None:
             return
         self._ask_at = 2.0 * steps
         for note in self.ruled_by_rounding(self.recorder, t):
@@ -371,8 +371,8 @@ class Run:
     def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
         """The solution integrated again from a recorded row, and its modes at `times`; RuntimeError where it fails."""
         here, x, z, m = recorder.point(row)
-        if self.apart is not None and here < self.apart.joined:
-            return self.apart.again(here, (x, m), times)
+        if self.independent is not None and here < self.independent.joined:
+            return self.independent.again(here, (x, m), times)
         segment = self.segment(here, times, x, z, m)
         segment = replace(segment, max_step=self.tables.longest(here, float(times[-1]), segment.max_step))
         if self.hybrid is None:
@@ -403,16 +403,16 @@ class Run:
         recorder.hide_at(self.tables.instants, np.append(grid, self.inputs.breaks))
         known = functions_of(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
-        hybrid, apart, native = self.hybrid, self.apart, self.problem.native
-        more = apart.notes if apart is not None else tuple(hybrid.notes) if hybrid is not None else ()
+        hybrid, independent, native = self.hybrid, self.independent, self.problem.native
+        more = independent.notes if independent is not None else tuple(hybrid.notes) if hybrid is not None else ()
         if self.unsearched:
             more = (*more, _UNSEARCHED.format(min(self.unsearched)))
-        solvers = [m.solver.name for m in apart.members] if apart is not None else [self.solver.name]
-        used = [native, *(m.problem.native for m in apart.members)] if apart is not None else [native]
+        solvers = [m.solver.name for m in independent.members] if independent is not None else [self.solver.name]
+        used = [native, *(m.problem.native for m in independent.members)] if independent is not None else [native]
         stats = {
             "solver": ", ".join(dict.fromkeys(solvers)),
             "reason": self.why,
-            **({"subsystems": len(solvers)} if apart is not None else {}),
+            **({"subsystems": len(solvers)} if independent is not None else {}),
             "tolerance": self.options.tolerance,
             "states": self.compiled.n_dynamic,
             "quadratures": self.compiled.quadratures,

@@ -12,13 +12,13 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
-from acausal.simulate.driver.flight import Flight, can_fly
+from acausal.simulate.driver.event_loop import EventLoop, suits_event_loop
 from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Moment
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.pivots import loses_pivots, may_lose_pivots
 from acausal.simulate.record.record import Recorder
@@ -191,15 +191,15 @@ class Smooth:
             self.report(self.recorder.time)
         yield parts[-1]
 
-    def flight(self, schedule: Schedule) -> Flight | None:
+    def event_loop(self, schedule: Schedule) -> EventLoop | None:
         """How compiled code passes the segments by itself, if it can."""
         # one segment is faster as it is, and can be passed in parts; what is steep is looked at behind the solver
         is_steep = arguments(self.problem.compiled) is not None
-        if schedule.segments < 2 or is_steep or not can_fly(self.problem, self.solver):
+        if schedule.segments < 2 or is_steep or not suits_event_loop(self.problem, self.solver):
             return None
-        return Flight(self.problem, self.recorder, schedule, self.template, self.span)
+        return EventLoop(self.problem, self.recorder, schedule, self.template, self.span)
 
-    def library(self) -> Library[FlightProgram] | None:
+    def library(self) -> Library[EventLoopProgram] | None:
         """The compiled integrator, if there is one."""
         return program(self.problem, self.solver, self.template)
 

@@ -105,7 +105,7 @@ class Guards:
 
     def distances(self, t: float, at: Moment) -> Vector:
         """Guards of the regime: positive while it lasts."""
-        return np.minimum(at.regime.held.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
+        return np.minimum(at.regime.active_set.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
 
     def state(self, t: float, at: Moment) -> tuple[Vector, Vector, Vector]:
         """Distances at the end of a step, their rates, and by how much they can be wrong."""
@@ -124,7 +124,7 @@ class Guards:
         # how far values may be off
         x_and_z = 10 * self.tolerances.of(np.concatenate([at.x, at.z]), self._nominal)
         errors = x_and_z[: len(at.x)], x_and_z[len(at.x) :]
-        own, noise, by_z, alg, alg_z = at.regime.held.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
+        own, noise, by_z, alg, alg_z = at.regime.active_set.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
         if len(at.z):
             moved = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
             own = own - by_z.reshape(len(own), -1) @ moved
@@ -147,9 +147,9 @@ class Guards:
         problem, error = self.problem, 10 * self.tolerances.of(x, self._nominal)
         common = at.z, problem.u, problem.p, at.m
         if len(times) == 1:  # half the time of a function of many
-            found = at.regime.held.judged(times[0], x[0], *common, error[0], at.z)[0][None, :]
+            found = at.regime.active_set.judged(times[0], x[0], *common, error[0], at.z)[0][None, :]
         else:
-            found = at.regime.held.judged.many(times[:, None], x, *common, error, at.z)
+            found = at.regime.active_set.judged.many(times[:, None], x, *common, error, at.z)
         count = found.shape[1] // 3
         distances, rates, noises = np.minimum(found[:, :count], FAR), found[:, count : 2 * count], found[:, 2 * count :]
         if self.step > 0.0:
@@ -163,7 +163,7 @@ class Guards:
         return distances, rates, _finite(noises)
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
-        """How far these guards can be wrong when errors of the states have relaxed over a step (`Held.relaxed`).
+        """How far these guards can be wrong when errors of the states have relaxed over a step (`ActiveSet.relaxed`).
 
         Taken alone, errors of states that follow others at once are no errors of a solution: the current through
         1e-5 Ohm would be known to several ampere at a tolerance of 1e-4, and a diode conducted backwards as far. What
@@ -178,11 +178,11 @@ class Guards:
         """Guards that are zero to rounding, or in a mode that began some instants late, which they are about to be."""
         return np.asarray((np.abs(g) <= noise) | (-g <= rate * (LATE * as_one(self.span, t))))
 
-    def held(self, t: float, at: Moment) -> Vector:
+    def projected(self, t: float, at: Moment) -> Vector:
         """States nearest to those given that are on the guards which the regime holds."""
         x = at.x.copy()
         for _ in range(4):
-            value, slope, ways = at.regime.held.kept(t, x, at.z, self.problem.u, self.problem.p, at.m)
+            value, slope, ways = at.regime.active_set.kept(t, x, at.z, self.problem.u, self.problem.p, at.m)
             slope, ways = slope.reshape(len(value), -1), ways.reshape(len(x), -1)
             x = x - ways @ np.linalg.lstsq(slope @ ways, value, rcond=None)[0]
         return x
@@ -199,7 +199,9 @@ class Guards:
 
     def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
         """Guards at n instants, shape (n, guards)."""
-        return np.minimum(regime.held.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m), FAR)
+        return np.minimum(
+            regime.active_set.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m), FAR
+        )
 
     def fired(self, t: float, at: Moment) -> Truth:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""

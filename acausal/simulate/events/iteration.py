@@ -23,9 +23,9 @@ from acausal.lower.events.round import Round
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
+from acausal.simulate.events.active_set import Hold
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
 from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, as_one
-from acausal.simulate.events.held import Hold
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
@@ -205,7 +205,7 @@ class Iteration:
         if all(hold.target is None for hold in regime.holds):
             return regime
         numbers = moment.z, self.problem.u, self.problem.p, moment.m
-        before, after = (np.array(regime.held.kept_of(t, at, *numbers)).ravel() for at in (moment.x, x))
+        before, after = (np.array(regime.active_set.kept_of(t, at, *numbers)).ravel() for at in (moment.x, x))
         left, row = [], 0
         for hold in regime.holds:
             row += 1 if hold.target is None else 2
@@ -310,13 +310,13 @@ class Iteration:
                 moment = Moment(x, moment.z, moment.m, moment.regime)
                 continue
             wrong = np.zeros(0, dtype=bool)
-            if len(moment.regime.held.owners):
+            if len(moment.regime.active_set.owners):
                 wrong = self._wrong(t, moment, walk, np.array_equal(found.remembered, moment.m[self.memories]))
             if not wrong.any():
                 return moment, found
             if walk.turn >= _AT_ONCE:
                 wrong[int(np.argmax(wrong)) + 1 :] = False
-            owners = moment.regime.held.owners
+            owners = moment.regime.active_set.owners
             moment = self.flipped(moment, wrong)
             ours = [owners[k][0] for k in np.flatnonzero(wrong)]
             flips[ours] += 1
@@ -335,7 +335,7 @@ class Iteration:
         m, regime = moment.m.copy(), moment.regime
         let_go: set[int] = set()
         for k in np.flatnonzero(which):
-            relation, side = regime.held.owners[k]
+            relation, side = regime.active_set.owners[k]
             if side < 0:
                 m[self.first + relation] = 1.0 - m[self.first + relation]
             else:
@@ -387,7 +387,7 @@ class Iteration:
         if (g > 1.0).all():  # far from everything: no rates needed
             return np.zeros(len(g), dtype=bool)
         rate, noise = self.guards.rates(t, moment, distances=g)
-        own, sides = moment.regime.held.owner, moment.regime.held.side
+        own, sides = moment.regime.active_set.owner, moment.regime.active_set.side
         free = sides < 0
         walk.doubt[own[free]] = np.maximum(walk.doubt[own[free]], noise[free])
         noise = np.where(free & (walk.flips[own] > 1), walk.doubt[own], noise)
@@ -406,7 +406,7 @@ class Iteration:
         # of time alone nothing that is remembered can be behind
         found = np.asarray(wrong | leaves & ~early & (leaving | (walk.is_timed & free & self.guards.timed[own])))
         if early.any() and not found.any():
-            self._stay(t, [moment.regime.held.owners[k][0] for k in np.flatnonzero(early)])
+            self._stay(t, [moment.regime.active_set.owners[k][0] for k in np.flatnonzero(early)])
         return found
 
     def _untied(self, moment: Moment, relations: NDArray[np.int64]) -> Truth:
@@ -432,16 +432,16 @@ class Iteration:
         regime = moment.regime
         border = regime.border
         for relation in relations:
-            if relation in regime.held.taken:
+            if relation in regime.active_set.taken:
                 continue
             regime = Regime(regime.free, (*regime.holds, Hold(relation)), border)
-        if len(regime.holds) == len(moment.regime.holds) or not regime.held.is_possible:
+        if len(regime.holds) == len(moment.regime.holds) or not regime.active_set.is_possible:
             return None
         trial = self.consistent(t, Moment(moment.x, moment.z, moment.m, regime))
         if not regime.is_solvable(t, trial.x, trial.z, trial.m):
             return None
-        trial = self.consistent(t, replace(trial, x=self.guards.held(t, trial)))
-        ends = [k for k, (r, side) in enumerate(regime.held.owners) if side >= 0 and r in relations]
+        trial = self.consistent(t, replace(trial, x=self.guards.projected(t, trial)))
+        ends = [k for k, (r, side) in enumerate(regime.active_set.owners) if side >= 0 and r in relations]
         if (self.guards.distances(t, trial)[ends] < 0).any():
             return None
         for relation in (h.relation for h in regime.holds[len(moment.regime.holds) :]):

@@ -20,7 +20,7 @@ from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.events.held import TOGETHER, Held, Hold, held
+from acausal.simulate.events.active_set import TOGETHER, ActiveSet, Hold, active_set
 from acausal.simulate.native.policy import Library
 
 
@@ -40,16 +40,16 @@ class Regime:
     _constants: Vector | None = None
 
     @cached_property
-    def held(self) -> Held:
+    def active_set(self) -> ActiveSet:
         """The functions, which all runs share."""
-        return held(self.free.compiled, self.holds, self.border)
+        return active_set(self.free.compiled, self.holds, self.border)
 
     @cached_property
     def problem(self) -> Problem:
         """The problem to integrate."""
         if not self.holds and self.border is None:
             return self.free
-        return Problem(self.held.compiled, self.free.p, self.free.u, self.free.wanted_native)
+        return Problem(self.active_set.compiled, self.free.p, self.free.u, self.free.wanted_native)
 
     def constants(self, library: Library[Any]) -> Vector:
         """What parameters and inputs alone determine, for compiled code; computed once."""
@@ -62,15 +62,17 @@ class Regime:
     @cached_property
     def compiled(self) -> CompiledModel:
         """The model of `problem`."""
-        return self.held.compiled
+        return self.active_set.compiled
 
     def relaxed(self, *given: Any, near: NDArray[np.intp]) -> Vector:
-        """See `Held.relaxed`: of some guards."""
+        """See `ActiveSet.relaxed`: of some guards."""
         if len(near) == 1:
-            return self.held.buffered_relaxed(*given, near)[0]
+            return self.active_set.buffered_relaxed(*given, near)[0]
         rows = -(-len(near) // TOGETHER)
         blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are asked for anyway
-        return np.concatenate([self.held.buffered_relaxed_together(*given, block)[0] for block in blocks])[: len(near)]
+        return np.concatenate([self.active_set.buffered_relaxed_together(*given, block)[0] for block in blocks])[
+            : len(near)
+        ]
 
     def modes(self, t: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
         """Modes along n instants, shape (nm, n) or, when none slides, (nm,)."""
@@ -79,17 +81,17 @@ class Regime:
             return m
         n = len(t)
         wide = [np.tile(v[:, None], (1, n)) for v in (self.free.u, self.free.p, m)]
-        found = np.array(self.held.multipliers.map(n)(t[None, :], x, z, *wide))
+        found = np.array(self.active_set.multipliers.map(n)(t[None, :], x, z, *wide))
         rows: Vector = wide[2]
         for k, relation in sliding:
             for other in (relation, *self.free.compiled.events.twins[relation]):
-                rows[self.held.first + other] = found[k]
+                rows[self.active_set.first + other] = found[k]
         return rows
 
     def is_solvable(self, t: float, x: Vector, z: Vector, m: Vector) -> bool:
         """Whether each multiplier has an effect at this point, in proportion to its size."""
         count = len(self.holds)
-        slope, other = (v.reshape(count, count) for v in self.held.effect(t, x, z, self.free.u, self.free.p, m))
+        slope, other = (v.reshape(count, count) for v in self.active_set.effect(t, x, z, self.free.u, self.free.p, m))
         size = np.abs(slope).max(axis=1)
         if not np.isfinite(slope).all() or not (size > 0).all():
             return False

@@ -18,9 +18,9 @@ import numpy as np
 from acausal.analyse.events.state_events import Clause
 from acausal.lower.events.impulses import impulses
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.events.active_set import Hold
 from acausal.simulate.events.errors import accumulated
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, as_one
-from acausal.simulate.events.held import Hold
 from acausal.simulate.events.iteration import Happened
 from acausal.simulate.events.regime import Regime
 
@@ -127,7 +127,7 @@ class Bounces:
             ends = self._predicted(k, t + 2 * flight.away / (hold.pull * (1 - flight.away / flight.approach)))
             if flight.away**2 > 2 * hold.pull * flight.noise:
                 continue
-            held = replace(hold.moment, x=self.guards.held(t, hold.moment))
+            held = replace(hold.moment, x=self.guards.projected(t, hold.moment))
             if self._pull(t, held, k) >= 0.0:
                 moment, self.resting[k] = held, self._rest(max(ends, t), hold.clause, hold.target)
                 found.append(self.resting[k])
@@ -177,7 +177,7 @@ class Bounces:
 
     def _place(self, at: Moment, relation: int) -> int | None:
         """Which guard of the regime is the distance of a free relation."""
-        return next((k for k, (r, side) in enumerate(at.regime.held.owners) if r == relation and side < 0), None)
+        return next((k for k, (r, side) in enumerate(at.regime.active_set.owners) if r == relation and side < 0), None)
 
     def _hold(self, t: float, left: Moment, after: Moment, relation: int) -> _Hold | None:
         """How the relation can be held by a state that it resets, if something pulls it there."""
@@ -187,7 +187,7 @@ class Bounces:
         for clause in self._clauses(relation).values():
             for target, _ in clause.actions:
                 regime = self._regime(after.regime.free, (*after.regime.holds, Hold(relation, target)))
-                if not regime.held.is_possible:
+                if not regime.active_set.is_possible:
                     continue
                 possible = True
                 moment = Moment(after.x, after.z, m, regime)
@@ -198,7 +198,7 @@ class Bounces:
 
     def _pull(self, t: float, held: Moment, relation: int) -> float:
         """How fast a flight from the guard that holds this relation would be turned back."""
-        return float(self.guards.distances(t, held)[held.regime.held.owners.index((relation, 0))])
+        return float(self.guards.distances(t, held)[held.regime.active_set.owners.index((relation, 0))])
 
     def _predicted(self, relation: int, ends: float) -> float:
         """When the flights of a relation end, by this impact and those before it."""

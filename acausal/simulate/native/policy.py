@@ -31,8 +31,8 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.scaled import UNIT, measured
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
-from acausal.simulate.native.flight import FlightProgram
-from acausal.simulate.native.flight import source as flight_source
+from acausal.simulate.native.event_loop import EventLoopProgram
+from acausal.simulate.native.event_loop import source as event_loop_source
 from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram
 
@@ -118,7 +118,7 @@ class Native:
         self.memory = _MEMORIES.setdefault(compiled, Memory())
         self.used: set[str] = set()
 
-    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[FlightProgram] | None:
+    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[EventLoopProgram] | None:
         """A whole integrator, "rosenbrock" or "erk", that passes time events by itself where nothing is algebraic.
 
         Tolerances and step are arguments of the program: all values of them use the same library. Units of algebraic
@@ -131,10 +131,10 @@ class Native:
         def text() -> str | None:
             dae, constants = self.equations
             written = source.integrator(plugin, measured(dae) if self.compiled.algebraic else dae, neutral, constants)
-            return None if written is None else f"{written}#define PLAIN\n{flight_source()}"
+            return None if written is None else f"{written}#define PLAIN\n{event_loop_source()}"
 
-        def load(path: Path) -> FlightProgram:
-            return FlightProgram(path, self._nx, len(self.compiled.algebraic))
+        def load(path: Path) -> EventLoopProgram:
+            return EventLoopProgram(path, self._nx, len(self.compiled.algebraic))
 
         return self._library(kind, repr(sorted(neutral.items())), lambda: self._pays(self._spent(plugin)), text, load)
 
@@ -146,7 +146,7 @@ class Native:
         made_from: Callable[[], tuple[Any, ...]],
         nx: int,
         instructions: Callable[[], int],
-    ) -> Library[FlightProgram] | None:
+    ) -> Library[EventLoopProgram] | None:
         """A whole integrator that stops at events (`simulate/events/location/stopping.py`).
 
         `equations` makes what it integrates, `nx` states; with the rates and rounds of the model all of it follows from
@@ -164,10 +164,12 @@ class Native:
                 whole = {**neutral, "transition": made.transition}
                 written = source.integrator(plugin, made.dae, whole, made.constants, *made.event_functions)
             has_steep = any(f.name() == "steep" for f in made.event_functions)
-            return None if written is None else f"{written}{'#define STEEP' if has_steep else ''}\n{flight_source()}"
+            return (
+                None if written is None else f"{written}{'#define STEEP' if has_steep else ''}\n{event_loop_source()}"
+            )
 
-        def load(path: Path) -> FlightProgram:
-            return FlightProgram(path, nx, 0)
+        def load(path: Path) -> EventLoopProgram:
+            return EventLoopProgram(path, nx, 0)
 
         def pays_now() -> bool:
             # the derivatives that locate events are twice as much again as the event functions
@@ -298,5 +300,5 @@ class Native:
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # What the equations are made from rather than they: a hit needs nothing that is symbolic.
         functions = (f.serialize() for f in (compiled.rhs, *made_from()))
-        key = cache.key(kind, details, flight_source(), source.rows("rosenbrock"), *functions, repr(scales))
+        key = cache.key(kind, details, event_loop_source(), source.rows("rosenbrock"), *functions, repr(scales))
         return made(key, text, lambda path: Library(load(path), BufferedFunction(ca.external(CONSTANTS, str(path)))))

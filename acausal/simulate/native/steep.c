@@ -1,12 +1,12 @@
 /* Places inside of a step at which something steep may come and go.
 
-   The law is that of driver/overlooked.py: what a steep function does between two looks shows at them, but where its argument
+   The law is that of driver/missed_events.py: what a steep function does between two looks shows at them, but where its argument
    turns, and where a step, or what an argument is even in, is in its middle. There the step has to satisfy the equations. Here
    the solution between looks is the polynomial of the step, and its rates are known: an argument turns where its slope changes
    its sign. */
 
 enum { LOOKS_OF_STEP = 2, STEEP_TURNS = 30, STEEP_PLACES = 3 };
-/* As in overlooked.py: an instant is found where a value is this share of what it is at both ends; a function rests that is the
+/* As in missed_events.py: an instant is found where a value is this share of what it is at both ends; a function rests that is the
    same to this share, or differs by nothing; places are ends of a step that are closer to them than this share of it. */
 #define STEEP_ZERO 1e-12
 #define STEEP_QUIET 1e-3

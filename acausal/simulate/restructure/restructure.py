@@ -87,16 +87,16 @@ class Skin:
     _from: float = -np.inf
     _rows: int = 0
 
-    def limit(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
+    def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
         """The next look; nothing happens at it."""
         self._from = here
         end = until if here + 1.2 * self.length >= self.stop else here + self.length
         return min(end, until), ()
 
-    def prepare(self, modes: Array) -> None:
+    def set_modes(self, modes: Array) -> None:
         """Contacts have no modes of time."""
 
-    def passed(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
+    def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Whether the structure still holds; rows from where it did not are cut."""
         first, self._rows = self._rows, record.count
         recorded = record.since(first)

@@ -35,10 +35,10 @@ from acausal.simulate.equations.kinks import time_ends
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.scaled import UNIT, controls, stretched
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
+from acausal.simulate.record.algebraic import corrected
 from acausal.simulate.record.islands import integrals
-from acausal.simulate.record.polish import polished
 from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.solvers.step_by_step import step_by_step
 
@@ -206,10 +206,10 @@ def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Ve
     if not z.size:
         return z
     numbers = problem.u, problem.p, segment.p
-    return polished(problem.compiled, segment.times, x, z, *numbers, segment.tolerances)
+    return corrected(problem.compiled, segment.times, x, z, *numbers, segment.tolerances)
 
 
-def program(problem: Problem, solver: object, segment: Segment) -> Library[FlightProgram] | None:
+def program(problem: Problem, solver: object, segment: Segment) -> Library[EventLoopProgram] | None:
     """The solver as compiled C for problems without algebraic variables, where there is one or it pays to make one."""
     if not isinstance(solver, CasadiSolver) or solver.native != "integrator" or problem.compiled.algebraic:
         return None

@@ -1,8 +1,8 @@
-"""Between the looks of one integration: rows, and lower bounds of guards.
+"""Between the mesh points of one integration: rows, and lower bounds of guards.
 
-Looks are a few steps apart, so that a polynomial of degree seven through the nearest eight is as good as they are.
-Where it is not, the one of degree five through six of them is another one: their difference is the error of the latter
-(J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section 2.1).
+Mesh points are a few steps apart, so that a polynomial of degree seven through the nearest eight is as good as they
+are. Where it is not, the one of degree five through six of them is another one: their difference is the error of the
+latter (J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section 2.1).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from acausal.arrays import Truth, Vector
 
 _FINE, _COARSE, _FEWEST = 8, 6, 4
-# Errors of the looks grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
+# Errors at the mesh points grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
 _LARGEST = 16.0
 
 

@@ -7,7 +7,7 @@ crossing is or where the dip is lowest, until nothing is left to doubt. Where a 
 cubics may close in by a thousandth a point for ever: where one has not halved its interval, the next point is where the
 tangent at the right is zero, and the one after that the middle (R. P. Brent, Algorithms for Minimization without
 Derivatives, 1973, chapter 4). The new point is integrated, not interpolated: dense output of stiff components is
-thousands of tolerances off. `native/bracketing.c` and `flight.c` do the same.
+thousands of tolerances off. `native/bracketing.c` and `event_loop.c` do the same.
 """
 
 from __future__ import annotations

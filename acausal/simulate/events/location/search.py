@@ -1,14 +1,14 @@
 """From event to event with solvers that only deliver points.
 
-A solver is given looks, instants at which it hands over what it has, and may take a few steps from each to the next;
-where it needs more it stops, and goes on from there with closer looks. So no step is far from a look, whatever the
-output interval and the length of the run, and what is integrated with frozen modes beyond an event is a few looks and
-is thrown away. Where a guard is passed, or is not known well enough to say that it is not (`between.py`), the stretch
-is looked at more closely from the look before.
+A solver is given mesh points, instants at which it hands over what it has, and may take a few steps from each to the
+next; where it needs more it stops, and goes on from there with closer mesh points. So no step is far from a mesh point,
+whatever the output interval and the length of the run, and what is integrated with frozen modes beyond an event is a
+few mesh points and is thrown away. Where a guard is passed, or is not known well enough to say that it is not
+(`between.py`), the stretch is sampled more closely from the mesh point before.
 
-Looks are shares of a length, of which there are few (`looks.py`), so that their integrators are kept. Outputs and the
-point of an event lie between looks: they are interpolated where that is proved to be good (`between.py`), else the
-solution is integrated to them.
+Mesh points are shares of a length, of which there are few (`mesh.py`), so that their integrators are kept. Outputs and
+the point of an event lie between mesh points: they are interpolated where that is proved to be good (`between.py`),
+else the solution is integrated to them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
-from acausal.simulate.events.location import looks as looking
+from acausal.simulate.events.location import mesh as meshing
 from acausal.simulate.events.location.between import between, lowest, newton_form
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
@@ -33,8 +33,8 @@ from acausal.simulate.solvers.segment import Piece, Segment
 Integrate = Callable[[Regime, Segment], Piece]
 Record = Callable[[Vector, Piece], None]
 
-# Steps that a solver may take from one look to the next, how many are aimed at, and how many it may take where the
-# same stretch was passed before, from another start.
+# Steps that a solver may take from one mesh point to the next, how many are aimed at, and how many it may take where
+# the same stretch was passed before, from another start.
 _MOST_STEPS, _WANTED_STEPS, _KNOWN_STEPS = 10, 2.0, 400
 # Share of the tolerance where a crossing is looked for, and what rounding allows.
 _CLOSER, _FINEST = 1e-2, 1e-14
@@ -44,10 +44,10 @@ _NEAREST = 8
 _LATE_TURN, _MOST_TURNS = 2, 7
 # How far a piece may go, by how long the stretch has been.
 _FARTHER = 16.0
-# Looks of a piece behind one that has stopped, by those of that one; of several in a row ever closer.
+# Mesh points of a piece behind one that has stopped, by those of that one; of several in a row ever closer.
 _NEARER, _MOST_NEARER = 0.2, 3
-# A stop is at the beginning of a stretch so many looks from there; how much farther apart the first looks may be in the
-# next such stretch if they were close enough in this one.
+# A stop is at the beginning of a stretch so many mesh points from there; how much farther apart the first mesh points
+# may be in the next such stretch if they were close enough in this one.
 _OPENING, _WIDER = 16.0, 2.0
 # So many failures must have brought a run on by this share of it.
 _MANY, _PROGRESS = 100, 1e-6
@@ -101,7 +101,8 @@ class _Start:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """Rows of one try at the looks: the start and up to two looks before it come first; `here` is the start's row.
+    """Rows of one try at the mesh points: the start and up to two mesh points before it come first; `here` is the
+    start's row.
 
     `values` may be below zero by what guards that have just left it are off, `plain` may not.
     """
@@ -140,7 +141,7 @@ class _Way:
 
 
 class _NotDelivered(RuntimeError):
-    """Rows between two looks cannot be integrated to."""
+    """Rows between two mesh points cannot be integrated to."""
 
 
 def _is_long(words: str) -> bool:
@@ -150,7 +151,7 @@ def _is_long(words: str) -> bool:
 
 @dataclass
 class Search:
-    """The stretches of one run; how far apart its looks may be is remembered from one to the next."""
+    """The stretches of one run; how far apart its mesh points may be is remembered from one to the next."""
 
     guards: Guards
     solver: Solver
@@ -159,7 +160,7 @@ class Search:
     spacing: float = np.inf
     pace: float = 0.0
     openings: dict[bytes, float] = field(default_factory=dict)
-    """How far apart the first looks of a stretch may be, by the relations that hold in it."""
+    """How far apart the first mesh points of a stretch may be, by the relations that hold in it."""
 
     def to_event(self, segment: Segment, moment: Moment, band: Vector, gap: float, record: Record) -> Arrival:
         """Integrate with the modes of a moment to the next event, or to the end of a segment.
@@ -197,7 +198,7 @@ class Search:
                     return self._ended(way, seen, row, asked, piece)
             try:
                 self._accept(way, asked, piece, seen, keep)
-            except _NotDelivered as error:  # between closer looks they are known
+            except _NotDelivered as error:  # between closer mesh points they are known
                 self._failed(way, marks, str(error))
                 continue
             if found is None:
@@ -211,7 +212,7 @@ class Search:
 
     def _begun(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> _Way:
         segment = replace(segment, partial=True)
-        count = len(moment.regime.held.owners)
+        count = len(moment.regime.active_set.owners)
         values, rates, noises, leaving = (np.zeros(count, dtype=d) for d in (float, float, float, bool))
         if count:
             g, rates, noise = self.guards.state(segment.start, moment)
@@ -241,30 +242,30 @@ class Search:
         return resting
 
     def _asked(self, way: _Way, limit: float) -> tuple[Vector, Segment]:
-        """The next looks, and the segment that ends at the last of them, with the outputs in between."""
+        """The next mesh points, and the segment that ends at the last of them, with the outputs in between."""
         segment, problem = way.segment, way.moment.regime.problem
         here, outputs = segment.start, segment.times
-        if not way.moment.regime.held.owners:
+        if not way.moment.regime.active_set.owners:
             if not way.is_finer or segment.step is not None:
                 return outputs, segment
             times = np.union1d(np.linspace(here, outputs[-1], _FINER + 1)[1:], outputs)
             return times, replace(segment, times=times)
-        least, asked = looking.resolution(here, self.span), segment
+        least, asked = meshing.resolution(here, self.span), segment
         if way.closer:  # the error of a stiff variable may be that of a long time in its guard
             asked = replace(asked, tolerances=segment.tolerances.scaled(way.share, least=_FINEST))
             until, spacing = way.closer[-1]
-            length, shares = until - here, looking.even(max(2, round((until - here) / spacing)))
+            length, shares = until - here, meshing.even(max(2, round((until - here) / spacing)))
             first = self._first(way, asked, length) if self.solver.multistep else 0.0
             asked = replace(asked, first=first, step_budget=_KNOWN_STEPS)
         elif segment.step is not None:
-            count = max(1, int(looking.most(problem, fixed=True) * way.shrink))
-            marks, times = looking.merged(looking.stepped(here, outputs, limit, segment.step, count), outputs)
+            count = max(1, int(meshing.most(problem, fixed=True) * way.shrink))
+            marks, times = meshing.merged(meshing.stepped(here, outputs, limit, segment.step, count), outputs)
             return marks, replace(asked, times=times)
         else:
             spacing = way.shrink * min(self._spaced(way), (limit - here) / 64)
             first = self._first(way, asked, limit - here)
-            length, shares = looking.growing(limit - here, first, spacing, looking.most(problem), least)
-            begun = looking.begun(shares, length, first)
+            length, shares = meshing.growing(limit - here, first, spacing, meshing.most(problem), least)
+            begun = meshing.begun(shares, length, first)
             more = math.ceil(math.log2(max(float(shares[0]) * length / begun, 16.0))) - 4
             asked = replace(asked, first=begun, step_budget=way.steps_allowed + 4 * math.ceil(more / 4))
             until = limit if length == limit - here else here + length
@@ -272,11 +273,12 @@ class Search:
         marks[-1] = until
         if segment.step is None:
             return marks, replace(asked, times=marks, shares=shares)
-        marks, times = looking.merged(marks, outputs)
+        marks, times = meshing.merged(marks, outputs)
         return marks, replace(asked, times=times)
 
     def _spaced(self, way: _Way) -> float:
-        """How far apart looks may be from here on: where a stretch begins, as in others with the same relations."""
+        """How far apart mesh points may be from here on: where a stretch begins, as in others with the same
+        relations."""
         if way.segment.start > way.start.time:
             return self.spacing
         return self.openings.get(way.relations, self.spacing)
@@ -287,7 +289,7 @@ class Search:
             return np.inf
         if self.pace and not self.solver.multistep:
             return way.shrink * self.pace
-        return way.shrink * looking.first_step(way.moment.regime.problem, asked, horizon)
+        return way.shrink * meshing.first_step(way.moment.regime.problem, asked, horizon)
 
     def _solved(self, regime: Regime, segment: Segment) -> Piece:
         """The solution, by an integrator that is kept; where it does not get away, by one that is told the rates."""
@@ -312,7 +314,7 @@ class Search:
             if here - way.mark < _PROGRESS * self.span:
                 raise RuntimeError(words)
             way.mark = here
-        if not way.moment.regime.held.owners:
+        if not way.moment.regime.active_set.owners:
             if way.is_finer or not _is_long(words):
                 raise RuntimeError(words)
             way.is_finer = True
@@ -320,7 +322,7 @@ class Search:
         if way.closer and way.share < 1.0 and not _is_long(words):
             way.share = 1.0  # voltages over micro-ohms: rounding alone is more than a hundredth of the tolerance
             return
-        if float(marks[0]) - here <= 2.0 * looking.resolution(here, self.span):
+        if float(marks[0]) - here <= 2.0 * meshing.resolution(here, self.span):
             # a start at a kink: it may take many steps of no length
             if not _is_long(words) or way.steps_allowed >= _PATIENCE:
                 raise RuntimeError(words)
@@ -340,7 +342,7 @@ class Search:
         moment = way.moment
         times, plain = asked.times[rows], np.zeros((len(rows), len(way.band)))
         near = plain
-        if moment.regime.held.owners and len(rows):
+        if moment.regime.active_set.owners and len(rows):
             x, z = piece.x[:, rows], piece.z[:, rows]
             plain = self.guards.along(times, x, z, moment.m, moment.regime) + way.band
             near = way.start.near(times)
@@ -353,7 +355,7 @@ class Search:
 
     def _suspicion(self, way: _Way, seen: _Seen, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
         """The first interval, by the row where it begins, in which a guard is passed (True) or may be."""
-        if not way.moment.regime.held.owners:
+        if not way.moment.regime.active_set.owners:
             return None
         below: Truth = np.asarray((seen.values < 0.0).any(axis=1))
         below[: seen.here + 1] = False
@@ -373,7 +375,7 @@ class Search:
     ) -> bool:
         """Whether guards may come below zero by more than they are wrong."""
         t, k = float(seen.times[row]), row - seen.here
-        if float(seen.times[row + 1]) - t <= _DIVISION * looking.resolution(t, self.span):
+        if float(seen.times[row + 1]) - t <= _DIVISION * meshing.resolution(t, self.span):
             return False
         x, z = (way.segment.x, way.segment.z) if k == 0 else (piece.x[:, rows[k - 1]], piece.z[:, rows[k - 1]])
         noise = 2.0 * self.guards.rates(t, replace(way.moment, x=x, z=z))[1]
@@ -384,8 +386,8 @@ class Search:
     def _trusted(self, way: _Way, seen: _Seen, row: int, piece: Piece, rows: NDArray[np.int64]) -> int:
         """The last row, up to this one, where guards that are passed behind it are above what they may be wrong by.
 
-        A component that follows its source is worse between the steps of a solver than it is at their ends: at a look
-        that seems to be before a crossing it may have happened.
+        A component that follows its source is worse between the steps of a solver than it is at their ends: at a mesh
+        point that seems to be before a crossing it may have happened.
         """
         passed = seen.values[row + 1] < 0.0
         while row > seen.here:
@@ -402,8 +404,8 @@ class Search:
         return int(rows[-2]) + 1 if piece.stopped and len(rows) > 2 else count
 
     def _adapt(self, way: _Way, times: Vector, piece: Piece, end: float) -> None:
-        """How far apart looks may be from now on."""
-        if way.closer or not way.moment.regime.held.owners or way.segment.step is not None or len(times) < 2:
+        """How far apart mesh points may be from now on."""
+        if way.closer or not way.moment.regime.active_set.owners or way.segment.step is not None or len(times) < 2:
             return
         way.shrink, way.steps_allowed = 1.0, _MOST_STEPS
         way.stops = way.stops + 1 if piece.stopped else 0
@@ -448,9 +450,9 @@ class Search:
             way.since, way.steps = here, 0.0
         x, z = piece.x[:, keep - 1], piece.z[:, keep - 1]
         way.segment = replace(segment, start=here, times=segment.times[segment.times > here], x=x, z=z)
-        if not way.moment.regime.held.owners:
+        if not way.moment.regime.active_set.owners:
             return
-        # the last looks, for the parabolas
+        # the last mesh points, for the parabolas
         last = int(np.searchsorted(seen.times, here)) + 1
         way.times, way.values = seen.times[max(0, last - 3) : last], seen.plain[max(0, last - 3) : last]
 
@@ -462,7 +464,7 @@ class Search:
         """
         if not way.closer:
             return False
-        if len(way.closer) >= _DEEPEST or width <= _DIVISION * looking.resolution(float(seen.times[row]), self.span):
+        if len(way.closer) >= _DEEPEST or width <= _DIVISION * meshing.resolution(float(seen.times[row]), self.span):
             return True
         passed = seen.values[row + 1] < 0.0
         if (passed & self._jumps(way, seen.plain[row : row + 2])).any():
@@ -471,7 +473,7 @@ class Search:
 
     def _jumps(self, way: _Way, values: Vector) -> Truth:
         """Guards that are at rest at some of these rows."""
-        rests = self.guards.rests[way.moment.regime.held.owner]
+        rests = self.guards.rests[way.moment.regime.active_set.owner]
         return np.asarray(rests & (np.abs(values) == AT_REST).any(axis=0))
 
     def _rests(self, way: _Way, seen: _Seen, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
@@ -483,7 +485,7 @@ class Search:
         return bool((self._rest(way, float(seen.times[row]), x, z) & (way.band > allowed))[passed].all())
 
     def _ended(self, way: _Way, seen: _Seen, row: int, asked: Segment, piece: Piece) -> Arrival:
-        """The event between two looks: its instant, from the interpolated guards, then by Newton's method."""
+        """The event between two mesh points: its instant, from the interpolated guards, then by Newton's method."""
         segment, moment = way.segment, way.moment
         left, right = float(seen.times[row]), float(seen.times[row + 1])
         passed = np.flatnonzero(seen.values[row + 1] < 0.0)
@@ -491,7 +493,7 @@ class Search:
         jumps = self._jumps(way, seen.plain[row : row + 2])
         counters: dict[str, float] = {}
         t, x, z = segment.start, segment.x, segment.z
-        smallest, noise = looking.resolution(root, self.span) / 16, way.largest
+        smallest, noise = meshing.resolution(root, self.span) / 16, way.largest
         for turn in range(_MOST_TURNS):
             t = min(max(root, left), right)
             if t - segment.start <= smallest:
@@ -536,7 +538,7 @@ class Search:
 
     def _only(self, asked: Segment, t: float) -> Segment:
         """The same that ends at a time, and delivers nothing before."""
-        shares = None if asked.shares is None else looking.even(1)
+        shares = None if asked.shares is None else meshing.even(1)
         return replace(asked, times=np.array([t]), shares=shares, partial=False, step_budget=None)
 
     def _rows(
@@ -593,7 +595,7 @@ class Search:
             way.apart = replace(way.apart, start=float(times[-1]), x=x[:, -1])
 
     def _root(self, seen: _Seen, row: int, k: int) -> float:
-        """Where the polynomial through the nearest looks is zero."""
+        """Where the polynomial through the nearest mesh points is zero."""
         low = max(seen.here, min(row + 1 - _NEAREST // 2, len(seen.times) - _NEAREST))
         near = slice(low, low + _NEAREST)
         origin = float(seen.times[row])

@@ -3,9 +3,9 @@
 They look at the guards after each step and locate zero crossings on their dense output, but nothing iterates after a
 jump, of two crossings within a step only one fires, and dense output is not as good as the steps. So the transition
 only stops the clock: a state `stopped` becomes 1, all rates are zero from then on, a second state holds the time that
-has passed. The solution is integrated from one output or look to the next, each of them the end of a step; where it was
-stopped, it is integrated once more to that time, and the crossing is searched among such points (`bracketing.py`). What
-happens at the event is decided outside, where the modes are iterated to a fixed point.
+has passed. The solution is integrated from one output or mesh point to the next, each of them the end of a step; where
+it was stopped, it is integrated once more to that time, and the crossing is searched among such points
+(`bracketing.py`). What happens at the event is decided outside, where the modes are iterated to a fixed point.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ from acausal.simulate.events.location.bracketing import Node, first_crossing, is
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.equations import parametric
-from acausal.simulate.native.flight import FlightProgram
+from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import bounded, islands, pace
 from acausal.simulate.solvers.segment import Piece, Segment
 
-# A look of an interpreted run, with what Python does around it at guards and events, takes as long as so many
+# A mesh point of an interpreted run, with what Python does around it at guards and events, takes as long as so many
 # evaluations: 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
 _CALLING = 150.0
 # Integrators that are known by a shorter name than their settings.
 _MOST_KEPT = 128
-# Looks that one interpreted call goes to, and how much longer one of their intervals may be than another.
+# Mesh points that one interpreted call goes to, and how much longer one of their intervals may be than another.
 _TOGETHER, _ALIKE = 4, 4.0
 # So often in an interval dense output may see a crossing where the solution has none.
 _MOST_STOPS = 20
@@ -236,7 +236,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
             nodes.append(here)
             if is_quiet and not lingering.since:
                 continue
-            event = _overdue(lingering, moment.regime.held.owners, nodes, end == segment.times[-1], exactly)
+            event = _overdue(lingering, moment.regime.active_set.owners, nodes, end == segment.times[-1], exactly)
             if event is not None:
                 here = event
                 break
@@ -273,7 +273,7 @@ def _stop(
 
 
 def _bands(guards: Guards, t: float, g: Vector, rate: Vector, noise: Vector) -> tuple[Vector, Vector]:
-    """How far below zero each guard may go up to the first look, and from then on.
+    """How far below zero each guard may go up to the first mesh point, and from then on.
 
     The noise where it rests; where it starts behind zero by rounding and leaves, as far as it is, and no farther when
     it comes back: it would be found there again, and farther behind with every hop.
@@ -399,26 +399,31 @@ class Stepper:
             )
 
 
-def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[FlightProgram] | None:
+def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[EventLoopProgram] | None:
     """The integrator of a regime as compiled C, where there is one or it pays to make one."""
     problem = regime.problem
 
     def instructions() -> int:
-        functions = regime.held.watch, regime.held.rates.function, problem.compiled.events.round, regime.held.relaxed
+        functions = (
+            regime.active_set.watch,
+            regime.active_set.rates.function,
+            problem.compiled.events.round,
+            regime.active_set.relaxed,
+        )
         return sum(int(f.n_instructions()) for f in functions)
 
     return problem.native.stopping(
         plugin,
         _settings(segment),
         lambda: stopping_equations(regime, problem.native.zeros),
-        lambda: (regime.held.watch, *_looks(regime)),
+        lambda: (regime.active_set.watch, *_steep_search(regime)),
         problem.n_dynamic + 2,
         instructions,
     )
 
 
-def _looks(regime: Regime) -> tuple[Any, ...]:
-    """What flights look at between the ends of steps, where there is something steep."""
+def _steep_search(regime: Regime) -> tuple[Any, ...]:
+    """What the compiled event loop examines between the ends of steps, where there is something steep."""
     known = steep_arguments(regime.compiled)
     return () if known is None else (known.along(),)
 
@@ -499,15 +504,15 @@ def stopping_equations(
     time = shift + (t - origin) * length if stretched else t + shift
     given = (u, some) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
     arguments = (time, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, *given, m)
-    ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.held.watch(*arguments))
+    ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.active_set.watch(*arguments))
     (ode, guards), symbols, constants = parametric([ode, guards], p, u)
     band, speed = ca.SX.sym("band", guards.numel()), ca.SX(1)
     p, u = ca.vertcat(symbols, numbers, band), ca.SX(0, 1)
     if stretched:
         p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
     dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
-    events = regime.held.watch, regime.held.rates.function, compiled.events.round, regime.held.relaxed
-    return StoppingEquations(dae, transition, constants, events if stretched else (*events, *_looks(regime)))
+    events = regime.active_set.watch, regime.active_set.rates.function, compiled.events.round, regime.active_set.relaxed
+    return StoppingEquations(dae, transition, constants, events if stretched else (*events, *_steep_search(regime)))
 
 
 def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[Any, Any]:

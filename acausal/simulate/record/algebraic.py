@@ -23,7 +23,7 @@ _SMALL = 1e-8
 _LEFT, _TOLERANCES, _ROUNDING = 1e-8, 100.0, 1e-12
 
 
-def polished(
+def corrected(
     compiled: CompiledModel,
     times: Vector,
     x: Vector,

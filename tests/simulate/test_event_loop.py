@@ -41,7 +41,7 @@ from acausal.models.clutches import ClutchChain, ThreeClutchDrive
 from acausal.models.rectifier import BridgeRectifier, SCRBridge
 from acausal.models.sampled_control import SampledSpeedControl
 from acausal.models.switched_converter import BuckConverter
-from acausal.simulate.driver import flight
+from acausal.simulate.driver import event_loop
 from acausal.simulate.native import cache
 
 pytestmark = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
@@ -88,23 +88,23 @@ class Breaking(Component):
 
 @pytest.fixture(scope="module", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Libraries of these tests in a folder of their own, so that a changed flight.c is compiled."""
+    """Libraries of these tests in a folder of their own, so that a changed event_loop.c is compiled."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ACAUSAL_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
 
 
 @pytest.fixture
-def flown(monkeypatch: pytest.MonkeyPatch) -> list[flight.Landing | None]:
-    """Where the flights of a test have come to."""
-    found: list[flight.Landing | None] = []
-    plain = flight.Flight.go
+def passes(monkeypatch: pytest.MonkeyPatch) -> list[event_loop.LoopState | None]:
+    """Where the calls of the compiled loop have come to."""
+    found: list[event_loop.LoopState | None] = []
+    plain = event_loop.EventLoop.go
 
-    def noted(self: flight.Flight, *arguments: Any) -> flight.Landing | None:
+    def noted(self: event_loop.EventLoop, *arguments: Any) -> event_loop.LoopState | None:
         found.append(plain(self, *arguments))
         return found[-1]
 
-    monkeypatch.setattr(flight.Flight, "go", noted)
+    monkeypatch.setattr(event_loop.EventLoop, "go", noted)
     return found
 
 
@@ -134,14 +134,14 @@ PAIRS = [
 
 @pytest.mark.parametrize(("model", "stop", "solver"), PAIRS)
 def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
-    model: Callable[[], Component], stop: float, solver: str, flown: list[flight.Landing | None]
+    model: Callable[[], Component], stop: float, solver: str, passes: list[event_loop.LoopState | None]
 ) -> None:
     compiled = acausal.compile(model())
     runs = [
         acausal.simulate(compiled, stop_time=stop, output_interval=stop / 40, tolerance=1e-7, solver=solver, native=n)
         for n in (True, False)
     ]
-    assert any(landing is not None for landing in flown)
+    assert any(reached is not None for reached in passes)
     ours, theirs = runs
     assert [(e.condition, e.changed, e.component, e.where) for e in ours.events] == [
         (e.condition, e.changed, e.component, e.where) for e in theirs.events
@@ -155,12 +155,12 @@ def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
         assert np.max(np.abs(ours[name] - theirs[name])) <= 1e-6 * scale, name
 
 
-def test_clutches_that_break_loose_and_stick_are_passed_in_one_flight(flown: list[flight.Landing | None]) -> None:
+def test_clutches_that_break_loose_and_stick_are_passed_in_one_call(passes: list[event_loop.LoopState | None]) -> None:
     # several guards are reached at once, and discrete states change that no impact has changed: both once made each
     # stretch one for Python, and the run ten times as long
     r = acausal.simulate(ClutchChain(n=3), stop_time=2.0, output_interval=2.0, solver="rosenbrock", native=True)
     assert len(r.events) > 6
-    assert [landing is not None for landing in flown] == [True]
+    assert [reached is not None for reached in passes] == [True]
     # an integrator that is stopped goes no farther: standing still up to the next look took half of all steps
     assert cast("float", r.stats["steps"]) < 25 * len(r.events)
 
@@ -195,11 +195,13 @@ def test_an_assertion_ends_the_run_with_its_words() -> None:
     assert caught.value.result.time[-1] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_record_that_is_full_is_emptied(monkeypatch: pytest.MonkeyPatch, flown: list[flight.Landing | None]) -> None:
-    monkeypatch.setattr(flight, "_MOST_EVENTS", 7)
+def test_a_record_that_is_full_is_emptied(
+    monkeypatch: pytest.MonkeyPatch, passes: list[event_loop.LoopState | None]
+) -> None:
+    monkeypatch.setattr(event_loop, "_MOST_EVENTS", 7)
     compiled = acausal.compile(Wanderer())
     few = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
-    assert sum(landing is not None for landing in flown) > 10
+    assert sum(reached is not None for reached in passes) > 10
     monkeypatch.undo()
     many = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
     assert [e.time for e in few.events] == [e.time for e in many.events]
@@ -207,4 +209,4 @@ def test_a_record_that_is_full_is_emptied(monkeypatch: pytest.MonkeyPatch, flown
 
 
 def test_the_source_is_part_of_the_package() -> None:
-    assert (Path(flight.__file__).parents[1] / "native" / "flight.c").is_file()
+    assert (Path(event_loop.__file__).parents[1] / "native" / "event_loop.c").is_file()

@@ -12,14 +12,14 @@ from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.segment import Segment
 
-# Looks at once: fewer when there are many numbers to each.
-_LOOKS, _FEWEST, _NUMBERS = 512, 4, 4e6
+# Mesh points at once: fewer when there are many numbers to each.
+_POINTS, _FEWEST, _NUMBERS = 512, 4, 4e6
 # The same between fixed steps: a search costs as much as some hundred of them.
 _STEPS = 4096
-# Looks move apart by this factor: evenly spaced they could fall in with an oscillation.
+# Mesh points move apart by this factor: evenly spaced they could fall in with an oscillation.
 _GROWTH = 1.02
-# The first look is so many first steps away, the next ones are so many times as far: a multistep method begins with a
-# tiny step and doubles it.
+# The first mesh point is so many first steps away, the next ones are so many times as far: a multistep method begins
+# with a tiny step and doubles it.
 _FIRST, _RAMP, _MOST_RAMPS = 16.0, 4.0, 15
 _ROUNDINGS = 64
 
@@ -40,18 +40,18 @@ def first_step(problem: Problem, segment: Segment, horizon: float) -> float:
 
 
 def resolution(t: float, span: float) -> float:
-    """What two looks must be apart at least."""
+    """What two mesh points must be apart at least."""
     return float(_ROUNDINGS * np.spacing(max(abs(t), span)))
 
 
 def most(problem: Problem, fixed: bool = False) -> int:
-    """Looks at once, of a solver with `fixed` steps or one that chooses them."""
-    return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _STEPS if fixed else _LOOKS))
+    """Mesh points at once, of a solver with `fixed` steps or one that chooses them."""
+    return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _STEPS if fixed else _POINTS))
 
 
 @cache
 def shares(ramps: int, count: int) -> Vector:
-    """Looks that move apart, as shares of the time from their start to the last.
+    """Mesh points that move apart, as shares of the time from their start to the last.
 
     `ramps` of them are ever four times as far from the start as the one before, up to a spacing; then come `count`, the
     first one spacing away, each a little farther from the one before. An integrator for these is kept over stretches
@@ -64,20 +64,20 @@ def shares(ramps: int, count: int) -> Vector:
 
 @cache
 def even(count: int) -> Vector:
-    """Looks that are as far apart, as shares of the time to the last."""
+    """Mesh points that are as far apart, as shares of the time to the last."""
     return np.linspace(0.0, 1.0, count + 1, dtype=np.float64)[1:]
 
 
 def _total(count: NDArray[np.int64]) -> Vector:
-    """How far so many looks reach, in spacings."""
+    """How far so many mesh points reach, in spacings."""
     return np.asarray((_GROWTH**count - 1.0) / (_GROWTH - 1.0), dtype=np.float64)
 
 
 def growing(length: float, first: float, spacing: float, most: int, least: float) -> tuple[float, Vector]:
-    """How far looks reach, at most over a length, and their shares of it (`shares`).
+    """How far mesh points reach, at most over a length, and their shares of it (`shares`).
 
-    `first` is the first step of the solver, inf where it begins with steps of any length; `least` what looks must be
-    apart.
+    `first` is the first step of the solver, inf where it begins with steps of any length; `least` what mesh points must
+    be apart.
     """
     spacing = max(spacing, least)
     counts = _FEWEST * 2 ** np.arange(1 + int(math.log2(most // _FEWEST)))
@@ -93,13 +93,14 @@ def growing(length: float, first: float, spacing: float, most: int, least: float
 
 
 def begun(shares: Vector, length: float, first: float) -> float:
-    """The first step with such looks: one for each grid that begins with it, else `first`."""
+    """The first step with such mesh points: one for each grid that begins with it, else `first`."""
     own = float(shares[0]) * length / _FIRST
     return own if 0.99 * first <= _RAMP * own <= _RAMP * first else min(first, length)
 
 
 def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:
-    """Looks for fixed steps: every other step of those that outputs are apart by, so that they cost no further ones."""
+    """Mesh points for fixed steps: every other step of those that outputs are apart by, so that they cost no further
+    ones."""
     stops = np.append(outputs[(outputs > start) & (outputs < end)], end)
     gaps = np.diff(stops, prepend=start)
     counts = np.maximum(1, np.ceil(gaps / (2.0 * step) - 1e-9)).astype(np.int64)
@@ -107,21 +108,21 @@ def stepped(start: float, outputs: Vector, end: float, step: float, count: int) 
     kept = int(np.searchsorted(reached, count)) + 1
     stops, gaps, counts, reached = stops[:kept], gaps[:kept], counts[:kept], reached[:kept]
     place = np.arange(1, int(reached[-1]) + 1) - np.repeat(reached - counts, counts)
-    looks = np.repeat(stops - gaps, counts) + np.repeat(gaps, counts) * place / np.repeat(counts, counts)
-    looks[reached - 1] = stops
-    return np.asarray(looks[: max(count, 1)])
+    mesh = np.repeat(stops - gaps, counts) + np.repeat(gaps, counts) * place / np.repeat(counts, counts)
+    mesh[reached - 1] = stops
+    return np.asarray(mesh[: max(count, 1)])
 
 
-def merged(looks: Vector, outputs: Vector) -> tuple[Vector, Vector]:
-    """Looks, moved onto outputs that are all but there, and both together up to the last look."""
-    outputs = outputs[outputs <= looks[-1]]
+def merged(mesh: Vector, outputs: Vector) -> tuple[Vector, Vector]:
+    """Mesh points, moved onto outputs that are all but there, and both together up to the last one."""
+    outputs = outputs[outputs <= mesh[-1]]
     if not len(outputs):
-        return looks, looks
-    place = np.clip(np.searchsorted(outputs, looks), 0, len(outputs) - 1)
+        return mesh, mesh
+    place = np.clip(np.searchsorted(outputs, mesh), 0, len(outputs) - 1)
     below = np.maximum(place - 1, 0)
-    near = np.where(np.abs(outputs[place] - looks) < np.abs(outputs[below] - looks), outputs[place], outputs[below])
-    gaps = np.diff(looks, prepend=min(looks[0], outputs[0]) if len(looks) == 1 else 2 * looks[0] - looks[1])
-    close = np.abs(near - looks) <= 1e-3 * np.abs(gaps)
+    near = np.where(np.abs(outputs[place] - mesh) < np.abs(outputs[below] - mesh), outputs[place], outputs[below])
+    gaps = np.diff(mesh, prepend=min(mesh[0], outputs[0]) if len(mesh) == 1 else 2 * mesh[0] - mesh[1])
+    close = np.abs(near - mesh) <= 1e-3 * np.abs(gaps)
     close[-1] = False
-    moved = np.unique(np.where(close, near, looks))
+    moved = np.unique(np.where(close, near, mesh))
     return moved, np.union1d(moved, outputs)

@@ -1,4 +1,4 @@
-"""The structure of `flight.c`, from Python."""
+"""The structure of `event_loop.c`, from Python."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, address, prepare
 
-_FILES = "bracketing.c", "flight.c"
+_FILES = "bracketing.c", "event_loop.c"
 
 
 def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:
@@ -22,12 +22,12 @@ def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:
 
 @cache
 def source() -> str:
-    """The C of flights, which follows that of the functions and integrators they call."""
+    """The C of the event loop, which follows that of the functions and integrators they call."""
     return "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in _FILES)
 
 
-class FlightStructure(ctypes.Structure):
-    """`struct flight` of flight.c."""
+class EventLoopStructure(ctypes.Structure):
+    """`struct event_loop` of event_loop.c."""
 
     _fields_ = (
         *_fields(ctypes.c_longlong, "states dynamic discretes modes timely samples memories flags relations assigned"),
@@ -62,22 +62,22 @@ class FlightStructure(ctypes.Structure):
         self.kept = {**self.kept, **arrays}
 
 
-class FlightProgram(Program):
+class EventLoopProgram(Program):
     """A compiled integrator that can pass segments and ordinary events by itself."""
 
     def __init__(self, path: Path, nx: int, nz: int) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
         super().__init__(path, nx, nz)
-        self.fly = ctypes.CDLL(str(path)).acausal_flight
+        self.call = ctypes.CDLL(str(path)).acausal_event_loop
 
-    def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> FlightStructure:
+    def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> EventLoopStructure:
         """The structure with these fields; it keeps the arrays alive."""
-        flight = FlightStructure(**numbers, **{name: address(a) for name, a in arrays.items()})
-        flight.kept = dict(arrays)
-        prepare(flight.run)
-        return flight
+        loop = EventLoopStructure(**numbers, **{name: address(a) for name, a in arrays.items()})
+        loop.kept = dict(arrays)
+        prepare(loop.run)
+        return loop
 
-    def run(self, flight: FlightStructure) -> None:
+    def run(self, loop: EventLoopStructure) -> None:
         """Go on as far as it goes; Interrupted when Ctrl-C was pressed: what it had come to is in the structure."""
-        if self.fly(ctypes.byref(flight)) == INTERRUPTED:
+        if self.call(ctypes.byref(loop)) == INTERRUPTED:
             raise Interrupted

@@ -13,7 +13,7 @@
 #include <string.h>
 
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
-enum { LOOKS = 64, FEWEST_LOOKS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
+enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
 enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
 #define INSTANT 1e-12 /* instants are told apart by this share of the run, or of the time: guards.py */
@@ -48,8 +48,8 @@ static int none_work(casadi_int* arg, casadi_int* res, casadi_int* iw, casadi_in
 #define WATCH 2
 #endif
 
-/* `FlightStructure` of flight.py, field by field. */
-struct flight {
+/* `EventLoopStructure` of event_loop.py, field by field. */
+struct event_loop {
   /* sizes */
   count_t states, dynamic, discretes, modes, timely, samples, memories, flags, relations, assigned, conditions, clauses, actions, asserts;
   count_t constants, boundaries;
@@ -117,9 +117,9 @@ struct space {
   casadi_int arguments, results;
 };
 
-static double as_one(const struct flight* s, double t) { return most(INSTANT * s->span, ROUNDINGS * fabs(t)); }
+static double as_one(const struct event_loop* s, double t) { return most(INSTANT * s->span, ROUNDINGS * fabs(t)); }
 
-static int called(function_t f, const struct flight* s, struct space* o, double t, const double* x, const double* m,
+static int called(function_t f, const struct event_loop* s, struct space* o, double t, const double* x, const double* m,
                   int count, double** results) {
   int k;
   o->arg[0] = &t; o->arg[1] = x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
@@ -131,7 +131,7 @@ static int called(function_t f, const struct flight* s, struct space* o, double 
 #ifdef STEEP
 /* What steep.c looks at, by scaled states and rates. */
 struct looker {
-  const struct flight* s;
+  const struct event_loop* s;
   const double** arg;
   double** res;
   casadi_int* iw;
@@ -141,7 +141,7 @@ struct looker {
 
 static int look(void* looker, double t, const double* y, const double* rate, double* found) {
   struct looker* l = looker;
-  const struct flight* s = l->s;
+  const struct event_loop* s = l->s;
   double at = l->start + t;
   count_t k;
   for (k = 0; k < s->dynamic; ++k) {
@@ -154,8 +154,8 @@ static int look(void* looker, double t, const double* y, const double* rate, dou
   return steep(l->arg, l->res, l->iw, l->w, 0);
 }
 
-/* Memory for looks of a flight; 1 where there is none. */
-static int watching(struct flight* s, struct looker* l) {
+/* Memory for looks; 1 where there is none. */
+static int watching(struct event_loop* s, struct looker* l) {
   casadi_int sizes[4];
   size_t each = 2 * (size_t) (s->columns + s->functions);
   steep_work(sizes, sizes + 1, sizes + 2, sizes + 3);
@@ -177,7 +177,7 @@ static int watching(struct flight* s, struct looker* l) {
 #endif
 
 /* One call of the round at modes `m`, from where the last one has come to. */
-static int take_round(const struct flight* s, struct space* o, double t, const double* m) {
+static int take_round(const struct event_loop* s, struct space* o, double t, const double* m) {
   double* results[13] = {o->assigned, o->next_x, o->next_m, o->next_was, o->next_decided, &o->next_level, &o->settled,
                          &o->clash, o->acting, o->applied, o->conditions, o->remembered, o->asserts};
   o->arg[0] = &t; o->arg[1] = s->x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
@@ -187,12 +187,12 @@ static int take_round(const struct flight* s, struct space* o, double t, const d
 }
 
 /* Whether guards were asked for at this point last: a stretch begins where its event has ended. */
-static int is_known(const struct flight* s, const struct space* o, double t, const double* x) {
+static int is_known(const struct event_loop* s, const struct space* o, double t, const double* x) {
   return o->known && t == o->known_t && !memcmp(x, o->known_x, (size_t) s->states * sizeof(double))
     && !memcmp(s->m, o->known_m, (size_t) s->modes * sizeof(double));
 }
 
-static int take_guards(const struct flight* s, struct space* o, double t, const double* x, double* g) {
+static int take_guards(const struct event_loop* s, struct space* o, double t, const double* x, double* g) {
   size_t relations = (size_t) s->relations * sizeof(double);
   count_t k;
   if (!is_known(s, o, t, x)) {
@@ -210,7 +210,7 @@ static int take_guards(const struct flight* s, struct space* o, double t, const 
 }
 
 /* Rates of the guards `g` along the solution, and by how much the guards can be wrong (guards.py). */
-static int rates_at(const struct flight* s, struct space* o, double t, const double* x, const double* g) {
+static int rates_at(const struct event_loop* s, struct space* o, double t, const double* x, const double* g) {
   double* results[5] = {o->rate, o->noise, 0, 0, 0};
   double instant = as_one(s, t);
   size_t relations = (size_t) s->relations * sizeof(double);
@@ -250,12 +250,12 @@ static int rates_at(const struct flight* s, struct space* o, double t, const dou
   return 0;
 }
 
-static int take_rates(const struct flight* s, struct space* o, double t) { return rates_at(s, o, t, s->x, o->g); }
+static int take_rates(const struct event_loop* s, struct space* o, double t) { return rates_at(s, o, t, s->x, o->g); }
 
-static count_t first_memory(const struct flight* s) { return s->timely + s->samples; }
-static count_t first_relation(const struct flight* s) { return s->modes - s->relations; }
+static count_t first_memory(const struct event_loop* s) { return s->timely + s->samples; }
+static count_t first_relation(const struct event_loop* s) { return s->modes - s->relations; }
 
-static int up_to_date(const struct flight* s, const struct space* o) {
+static int up_to_date(const struct event_loop* s, const struct space* o) {
   count_t k;
   for (k = 0; k < s->memories; ++k)
     if (o->remembered[k] != s->m[first_memory(s) + k]) return 0;
@@ -263,7 +263,7 @@ static int up_to_date(const struct flight* s, const struct space* o) {
 }
 
 /* Flip relations and apply discrete equations until all hold; what the round makes of it is left in `o`. */
-static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
+static int decide(struct event_loop* s, struct space* o, double t, count_t* turn) {
   count_t round, k;
   for (round = 0; round < MOST_ROUNDS; ++round) {
     int moved = 0, wrong = 0, leaving, far = 1;
@@ -298,14 +298,14 @@ static int decide(struct flight* s, struct space* o, double t, count_t* turn) {
   return UNUSUAL;
 }
 
-static void walk_anew(const struct flight* s, struct space* o, count_t* turn) {
+static void walk_anew(const struct event_loop* s, struct space* o, count_t* turn) {
   count_t k;
   *turn = 0;
   for (k = 0; k < s->relations; ++k) { o->flips[k] = 0; o->doubt[k] = 0.0; }
 }
 
 /* Keep the actions of a round, and where they are taken; UNUSUAL where there is no room. */
-static int keep_jump(struct flight* s, const struct space* o) {
+static int keep_jump(struct event_loop* s, const struct space* o) {
   count_t k;
   int any = memcmp(s->m, o->next_m, (size_t) s->modes * sizeof(double)) != 0;
   for (k = 0; k < s->actions; ++k) any |= o->applied[k] > 0.5;
@@ -319,7 +319,7 @@ static int keep_jump(struct flight* s, const struct space* o) {
 }
 
 /* Rounds from modes that have changed already until one changes nothing; `before` are those that held. */
-static int settle(struct flight* s, struct space* o, double t, const double* before, const double* due) {
+static int settle(struct event_loop* s, struct space* o, double t, const double* before, const double* due) {
   count_t k, round, turn;
   int ticked = 0;
   size_t conditions = (size_t) s->conditions * sizeof(double);
@@ -364,7 +364,7 @@ static int settle(struct flight* s, struct space* o, double t, const double* bef
   return 0;
 }
 
-static void record(struct flight* s, double t, const double* x) {
+static void record(struct event_loop* s, double t, const double* x) {
   s->row_time[s->rows] = t;
   memcpy(s->row_x + s->rows * s->states, x, s->states * sizeof(double));
   memcpy(s->row_m + s->rows * s->modes, s->m, s->modes * sizeof(double));
@@ -372,7 +372,7 @@ static void record(struct flight* s, double t, const double* x) {
 }
 
 /* Keep what was found at an instant of a stretch. */
-static void keep_trail(struct flight* s, double t, const double* x) {
+static void keep_trail(struct event_loop* s, double t, const double* x) {
   if (!s->trail_capacity) return;
   s->trail_time[s->trail] = t;
   memcpy(s->trail_x + s->trail * s->states, x, (size_t) s->states * sizeof(double));
@@ -380,7 +380,7 @@ static void keep_trail(struct flight* s, double t, const double* x) {
 }
 
 /* The row after an event, and what made it. */
-static void record_event(struct flight* s, double t, const unsigned char* fired) {
+static void record_event(struct event_loop* s, double t, const unsigned char* fired) {
   s->event_time[s->events] = t;
   s->event_row[s->events] = s->rows;
   s->acts_end[s->events] = s->acts;
@@ -392,7 +392,7 @@ static void record_event(struct flight* s, double t, const unsigned char* fired)
 }
 
 /* Which guards end the stretch at this event: all that are reached and falling; at least the nearest. */
-static int find_fired(struct flight* s, struct space* o, double t) {
+static int find_fired(struct event_loop* s, struct space* o, double t) {
   count_t k, nearest = 0;
   int any = 0;
   double least = INFINITY, instant = as_one(s, t);
@@ -409,7 +409,7 @@ static int find_fired(struct flight* s, struct space* o, double t) {
 }
 
 /* Count an event of relations (rest.py); UNUSUAL where events follow one another without end. */
-static int count_event(struct flight* s, const struct space* o, double t) {
+static int count_event(struct event_loop* s, const struct space* o, double t) {
   double instant = as_one(s, t);
   count_t k;
   for (k = 0; k < s->relations; ++k)
@@ -424,7 +424,7 @@ static int count_event(struct flight* s, const struct space* o, double t) {
 }
 
 /* The event at the start of a segment. */
-static int enter(struct flight* s, struct space* o) {
+static int enter(struct event_loop* s, struct space* o) {
   double t = s->boundary[s->segment];
   o->step = s->first;
   memcpy(o->left_m, s->m, s->modes * sizeof(double));
@@ -437,13 +437,13 @@ static int enter(struct flight* s, struct space* o) {
 }
 
 /* The step over which errors have relaxed at a time of the stretch (stopping.py). */
-static double step_of(const struct flight* s, double t) {
+static double step_of(const struct event_loop* s, double t) {
   double own = s->steps > s->begun && t > s->here ? (t - s->here) / (double) (s->steps - s->begun) : 0.0;
   return own > 0 && s->first > 0 ? (own < s->first ? own : s->first) : most(own, s->first);
 }
 
 /* What the guards of a node are, whose time and states are there. */
-static int to_node(const struct flight* s, struct space* o, struct node* n) {
+static int to_node(const struct event_loop* s, struct space* o, struct node* n) {
   count_t k;
   if (!s->relations) return 0;
   o->step = step_of(s, n->t);
@@ -458,7 +458,7 @@ static int to_node(const struct flight* s, struct space* o, struct node* n) {
 
 /* Integrate from a node to `count` instants, or until a guard is `band` below zero. `o->row` is what is there, scaled;
    from `*stop` on it stands still, INFINITY if nowhere. */
-static int advance(struct flight* s, struct space* o, const struct node* from, const double* ends, count_t count,
+static int advance(struct event_loop* s, struct space* o, const struct node* from, const double* ends, count_t count,
                    const double* band, double* stop) {
   count_t n = s->dynamic, k, last = (count - 1) * (n + WATCH);
   double* q = o->parameters;
@@ -499,7 +499,7 @@ static int advance(struct flight* s, struct space* o, const struct node* from, c
 }
 
 /* The states of a row, at time `t`. */
-static void to_row(const struct flight* s, const struct space* o, count_t row, double t, struct node* to) {
+static void to_row(const struct event_loop* s, const struct space* o, count_t row, double t, struct node* to) {
   const double* from = o->row + row * (s->dynamic + WATCH);
   count_t k;
   to->t = t;
@@ -508,7 +508,7 @@ static void to_row(const struct flight* s, const struct space* o, count_t row, d
 }
 
 /* A node at `end`, whatever guards are passed on the way. */
-static int exactly(struct flight* s, struct space* o, const struct node* from, double end, struct node* to) {
+static int exactly(struct event_loop* s, struct space* o, const struct node* from, double end, struct node* to) {
   double stop;
   int status = advance(s, o, from, &end, 1, o->never, &stop);
   if (status) return status;
@@ -517,7 +517,7 @@ static int exactly(struct flight* s, struct space* o, const struct node* from, d
 }
 
 /* A node where the integrator was stopped: again by a step that ends there, from where it took its last one. */
-static int stopped(struct flight* s, struct space* o, double begin, double end, struct node* to) {
+static int stopped(struct event_loop* s, struct space* o, double begin, double end, struct node* to) {
   struct node* from = o->node;
   double t = begin + s->run.last_time, first = o->first;
   count_t k;
@@ -536,7 +536,7 @@ static int stopped(struct flight* s, struct space* o, double begin, double end, 
 
 /* Go from node 0 to node 1, and leave in node 0 the first event between them, if there is one, else node 1; see
    bracketing.py. Nodes 1, 2 ... are a stack of those that are still ahead. */
-static int search(struct flight* s, struct space* o, double instant, int* found) {
+static int search(struct event_loop* s, struct space* o, double instant, int* found) {
   struct node* left = o->node;
   count_t top = 1, count, k;
   double widths[2] = {INFINITY, INFINITY}; /* of the intervals that got the last two points */
@@ -585,7 +585,7 @@ static int search(struct flight* s, struct space* o, double instant, int* found)
 
 /* Whether a guard that falls is within its noise at node 1, and should have been passed by its rate: it may linger there
    (stopping.py). */
-static int lingers(const struct flight* s, const struct space* o) {
+static int lingers(const struct event_loop* s, const struct space* o) {
   const struct node *left = o->node, *right = o->node + 1;
   count_t k;
   for (k = 0; k < s->relations; ++k)
@@ -595,7 +595,7 @@ static int lingers(const struct flight* s, const struct space* o) {
 }
 
 /* A row, or only a look, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
-static void reached(struct flight* s, struct space* o, count_t* k) {
+static void reached(struct event_loop* s, struct space* o, count_t* k) {
   count_t j;
   if (o->asked[*k] & ROW) record(s, o->wide[*k], o->node[0].x);
   keep_trail(s, o->wide[*k], o->node[0].x);
@@ -607,7 +607,7 @@ static void reached(struct flight* s, struct space* o, count_t* k) {
 }
 
 /* Go from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
-static int integrate(struct flight* s, struct space* o, count_t* k, count_t last, int* found) {
+static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t last, int* found) {
   int stops = 0, status;
   count_t j;
   while (*k <= last) {
@@ -656,7 +656,7 @@ static int integrate(struct flight* s, struct space* o, count_t* k, count_t last
 /* Whether a flight begins that may be lower than the noise, by the pull of the one that ended; rest.py
    decides, and predicts from the last few when flights end.
    `before` are the rates at the impact; relations that no `when` resets, or that nothing holds at rest, are impossible. */
-static int may_land(const struct flight* s, struct space* o, double t, const double* before) {
+static int may_land(const struct event_loop* s, struct space* o, double t, const double* before) {
   count_t k;
   if (take_rates(s, o, t)) return 1;
   for (k = 0; k < s->relations; ++k) {
@@ -667,17 +667,17 @@ static int may_land(const struct flight* s, struct space* o, double t, const dou
   return 0;
 }
 
-/* As many as there would be in the whole run (Hybrid.looks). */
-static count_t looks_of(const struct flight* s, double span) {
-  double found = most(FEWEST_LOOKS, ceil(LOOKS * span / s->span));
-  return found < LOOKS ? (count_t) found : LOOKS;
+/* As many as there would be in the whole run (Hybrid.mesh). */
+static count_t mesh_points(const struct event_loop* s, double span) {
+  double found = most(FEWEST_POINTS, ceil(MESH_POINTS * span / s->span));
+  return found < MESH_POINTS ? (count_t) found : MESH_POINTS;
 }
 
 /* A stretch, and the event that ends it. */
-static int stretch(struct flight* s, struct space* o) {
+static int stretch(struct event_loop* s, struct space* o) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
   count_t from = s->segment ? s->times_end[s->segment - 1] : 0, until = s->times_end[s->segment];
-  count_t looks = s->relations ? looks_of(s, end - s->here) : 1, look = 1; /* the end is always one */
+  count_t points = s->relations ? mesh_points(s, end - s->here) : 1, look = 1; /* the end is always one */
   count_t wide = 0, k, steps = s->steps;
   double time;
   int changed = 0, found = 0;
@@ -692,7 +692,7 @@ static int stretch(struct flight* s, struct space* o) {
     return 0;
   }
   if (s->rows + (until - from) + 3 > s->row_capacity || s->events + 1 >= s->event_capacity) return FULL;
-  if (s->trail_capacity && s->trail + (until - from) + looks + 1 > s->trail_capacity) return FULL;
+  if (s->trail_capacity && s->trail + (until - from) + points + 1 > s->trail_capacity) return FULL;
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
@@ -702,9 +702,9 @@ static int stretch(struct flight* s, struct space* o) {
       ? most(-BEHIND * o->g[k], 0.0) : o->later[k];
     o->never[k] = NEVER;
   }
-  for (k = from; k < until || look <= looks;) { /* outputs and looks, merged */
-    double at = look < looks ? s->here + (end - s->here) * look / looks : end;
-    if (look <= looks && (k == until || at <= s->times[k])) {
+  for (k = from; k < until || look <= points;) { /* outputs and mesh points, merged */
+    double at = look < points ? s->here + (end - s->here) * look / points : end;
+    if (look <= points && (k == until || at <= s->times[k])) {
       int is_row = k < until && at == s->times[k];
       o->asked[wide] = (unsigned char) (is_row ? LOOK | ROW : LOOK);
       k += is_row;
@@ -770,19 +770,19 @@ static int stretch(struct flight* s, struct space* o) {
   return 0;
 }
 
-static count_t longest(const struct flight* s) {
+static count_t longest(const struct event_loop* s) {
   count_t k, found = 0;
   for (k = 0; k < s->boundaries - 1; ++k) {
     count_t own = s->times_end[k] - (k ? s->times_end[k - 1] : 0);
     if (own > found) found = own;
   }
-  return found + LOOKS + 1;
+  return found + MESH_POINTS + 1;
 }
 
 static casadi_int larger(casadi_int a, casadi_int b) { return a > b ? a : b; }
 
 /* Cut up the doubles of a call, where there are any yet; returns their number. */
-static size_t carved(const struct flight* s, struct space* o, double* memory, count_t wide) {
+static size_t carved(const struct event_loop* s, struct space* o, double* memory, count_t wide) {
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
@@ -807,7 +807,7 @@ static size_t carved(const struct flight* s, struct space* o, double* memory, co
 }
 
 /* Go on until the end of the run, until the record is full, or until something unusual is ahead. */
-CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
+CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   casadi_int sizes[4] = {0, 0, 0, 0}, own[4]; /* of arguments, results, integers, doubles */
   int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, watch_work, rates_work, event_round_work, relaxed_work};
   struct space o;
@@ -843,7 +843,7 @@ CASADI_SYMBOL_EXPORT int acausal_flight(struct flight* s) {
     o.w = memory + used;
     o.fired = bytes; o.asked = o.fired + s->relations;
     while (!status && s->segment < s->boundaries - 1) {
-      struct flight kept = *s;
+      struct event_loop kept = *s;
       memcpy(o.before_x, s->x, s->states * sizeof(double));
       memcpy(o.before_m, s->m, s->modes * sizeof(double));
       if (!s->entered && (s->rows + 1 > s->row_capacity || s->events + 1 > s->event_capacity)) status = FULL;

@@ -1,8 +1,8 @@
 """Segments and ordinary events passed in compiled code, where a run has it.
 
 Between two calls of an integrator Python takes half a millisecond, and as long again for an event; C takes a few
-microseconds. The meaning of events is that of `iteration.py`; what is not ordinary is left to it (`native/flight.c`
-says what that is). A flight ends before such an event, and the next one starts behind it.
+microseconds. The meaning of events is that of `iteration.py`; what is not ordinary is left to it (`native/event_loop.c`
+says what that is). The loop ends before such an event, and starts again behind it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.events.rest import Bounces
-from acausal.simulate.native.flight import FlightProgram, FlightStructure
+from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
@@ -31,18 +31,18 @@ from acausal.simulate.solvers.segment import Piece, Segment
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 Clears = Callable[[Segment, Piece], bool]
 _MOST_EVENTS = 1024
-# Looks of a stretch, on average (`flight.c`).
-_LOOKS = 8
+# Mesh points of a stretch, on average (`event_loop.c`).
+_MESH_POINTS = 8
 _ACTS = 16
-# Rounds with actions in one flight that is traced.
+# Rounds with actions in one call that is traced.
 _MOST_JUMPS = 4 * _MOST_EVENTS
-# Flights in a row that ended where they began, after which no more are tried.
-_VAIN = 8
+# Calls in a row that ended where they began, after which no more are tried.
+_MOST_EMPTY = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Landing:
-    """Where a flight has come to, with states and modes."""
+class LoopState:
+    """Where the loop has come to, with states and modes."""
 
     place: Place
     x: Vector
@@ -51,8 +51,8 @@ class Landing:
 
 
 @dataclass(frozen=True, eq=False)
-class Passed:
-    """An event of a flight that is traced: states and modes before and behind it, and the relation that was reached.
+class LoopEvent:
+    """An event of a loop that is traced: states and modes before and behind it, and the relation that was reached.
 
     `jumps` are, of each round that acted, states and modes, the truth of each action, and whether `pre` advanced.
     """
@@ -64,7 +64,7 @@ class Passed:
     jumps: tuple[tuple[Vector, Vector, NDArray[np.bool_], bool], ...]
 
 
-def can_fly(problem: Problem, solver: Solver) -> bool:
+def suits_event_loop(problem: Problem, solver: Solver) -> bool:
     """Whether runs of this problem can be passed in compiled code: those of one-step methods on ODEs."""
     compiled = problem.compiled
     apart = range(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
@@ -78,11 +78,11 @@ def can_fly(problem: Problem, solver: Solver) -> bool:
     )
 
 
-class Flight:
-    """The flights of one run.
+class EventLoop:
+    """The compiled event loop of one run.
 
     `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date. A run that is
-    traced has a `trace`, which gets every event. What `clears` does not clear of a flight is not taken from it.
+    traced has a `trace`, which gets every event. What `clears` does not clear of a call is not taken from it.
     """
 
     def __init__(
@@ -94,17 +94,17 @@ class Flight:
         span: float,
         bounces: Bounces | None = None,
         explain: Explain = lambda relations, clauses: (),
-        trace: Callable[[Passed], None] | None = None,
+        trace: Callable[[LoopEvent], None] | None = None,
         clears: Clears | None = None,
     ) -> None:
         self.problem, self.recorder, self.schedule, self.template = problem, recorder, schedule, template
         self.span, self.bounces, self.explain, self.trace, self.clears = span, bounces, explain, trace, clears
         compiled = problem.compiled
-        self._vain = 0
-        self._library: Library[FlightProgram] | None = None
+        self._empty = 0
+        self._library: Library[EventLoopProgram] | None = None
         self._states = compiled.states
         self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
-        self._structure: FlightStructure | None = None
+        self._structure: EventLoopStructure | None = None
         longest = int(np.max(np.diff(schedule.ends, prepend=0)))
         rows, self._acts = longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
         self.x, self.m = np.empty(len(compiled.states)), np.empty(compiled.n_modes)
@@ -117,7 +117,7 @@ class Flight:
         self.jump_x, self.jump_m = np.empty((most, len(compiled.states))), np.empty((most, compiled.n_modes))
         self.jump_applied = np.empty((most, sum(len(c.actions) for c in compiled.state_events.clauses)))
         self.jump_advances, self.jumps_end = np.empty(most, dtype=np.int64), np.zeros(_MOST_EVENTS, dtype=np.int64)
-        kept = 0 if clears is None else rows + _LOOKS * _MOST_EVENTS
+        kept = 0 if clears is None else rows + _MESH_POINTS * _MOST_EVENTS
         self.trail_time, self.trail_x = np.empty(kept), np.empty((kept, len(compiled.states)))
         each = min(kept, _MOST_EVENTS + 1)
         self.trail_end, self.stretch_steps, self.stretch_events, self.stretch_doubts = (
@@ -125,66 +125,66 @@ class Flight:
         )
 
     @property
-    def is_vain(self) -> bool:
-        """Whether flights have not got anywhere for so long that no more should be tried."""
-        return self._vain >= _VAIN
+    def has_stalled(self) -> bool:
+        """Whether so many calls have got nowhere that no more should be tried."""
+        return self._empty >= _MOST_EMPTY
 
-    def over(self, schedule: Schedule) -> Flight | None:
+    def over(self, schedule: Schedule) -> EventLoop | None:
         """The same for another schedule of its run; None where its memory is too short for that."""
         if int(np.max(np.diff(schedule.ends, prepend=0))) + _MOST_EVENTS > len(self.row_time):
             return None
-        self.schedule, self._vain = schedule, 0
+        self.schedule, self._empty = schedule, 0
         if self._structure is not None:
             self._structure.timely = schedule.modes.shape[1]
             self._structure.put(_of(schedule))
         return self
 
-    def go(self, library: Library[FlightProgram], start: Landing, segments: int | None = None) -> Landing | None:
-        """Where a flight comes to, over so many segments at most; None when it does not get anywhere."""
+    def go(self, library: Library[EventLoopProgram], start: LoopState, segments: int | None = None) -> LoopState | None:
+        """Where the loop comes to, over so many segments at most; None when it gets nowhere."""
         place, x, m = start.place, start.x, start.m
-        flight = self._prepared(library)
+        loop = self._prepared(library)
         last = self.schedule.segments if segments is None else min(place.segment + segments, self.schedule.segments)
-        flight.boundaries = last + 1
+        loop.boundaries = last + 1
         bounces = self.bounces
         before = None if bounces is None else (bounces.count, bounces.last.copy(), bounces.crowd.copy())
-        self._fly(library, flight, start, _MOST_EVENTS)
-        passed = self._cleared(flight, start)
+        self._run(library, loop, start, _MOST_EVENTS)
+        passed = self._cleared(loop, start)
         if passed is not None:  # once more, up to where something may have been passed over
             if before is not None and bounces is not None:
                 bounces.count, bounces.last[:], bounces.crowd[:] = before
-            self._fly(library, flight, start, passed + 1)
+            self._run(library, loop, start, passed + 1)
         if bounces is not None:
-            bounces.count = flight.count
-        self._vain = 0 if flight.rows else self._vain + 1
-        if not flight.rows:
+            bounces.count = loop.count
+        self._empty = 0 if loop.rows else self._empty + 1
+        if not loop.rows:
             return None
-        self._record(flight, place.here, x, m)
-        here = Place(flight.segment, flight.here, bool(flight.entered), bool(flight.fresh))
-        return Landing(here, self.x.copy(), self.m.copy(), float(flight.first))
+        self._record(loop, place.here, x, m)
+        here = Place(loop.segment, loop.here, bool(loop.entered), bool(loop.fresh))
+        return LoopState(here, self.x.copy(), self.m.copy(), float(loop.first))
 
-    def _fly(self, library: Library[FlightProgram], flight: FlightStructure, start: Landing, events: int) -> None:
-        """Fly from a start as far as it goes with fewer than so many events."""
+    def _run(self, library: Library[EventLoopProgram], loop: EventLoopStructure, start: LoopState, events: int) -> None:
+        """Run from a start as far as it goes with fewer than so many events."""
         place = start.place
-        flight.segment, flight.here, flight.event_capacity = place.segment, place.here, events
-        flight.entered, flight.fresh, flight.first = place.entered, place.fresh, start.pace
+        loop.segment, loop.here, loop.event_capacity = place.segment, place.here, events
+        loop.entered, loop.fresh, loop.first = place.entered, place.fresh, start.pace
         self.x[:], self.m[:] = start.x, start.m
         if self.bounces is not None:
-            flight.count = self.bounces.count
-        flight.rows = flight.events = flight.acts = flight.jumps = flight.trail = flight.stretches = 0
-        flight.steps = flight.rejected = flight.rhs = flight.jacobians = 0
+            loop.count = self.bounces.count
+        loop.rows = loop.events = loop.acts = loop.jumps = loop.trail = loop.stretches = 0
+        loop.steps = loop.rejected = loop.rhs = loop.jacobians = 0
         try:
-            library.run.run(flight)
+            library.run.run(loop)
         except KeyboardInterrupt:
-            if flight.rows:
-                self._record(flight, place.here, start.x, start.m)
+            if loop.rows:
+                self._record(loop, place.here, start.x, start.m)
             raise
 
-    def _cleared(self, flight: FlightStructure, start: Landing) -> int | None:
+    def _cleared(self, loop: EventLoopStructure, start: LoopState) -> int | None:
         """How many events were before the first stretch in which something may have been passed over; None if none."""
         if self.clears is None:
             return None
         first = 0
-        for k, last in enumerate(self.trail_end[: flight.stretches].tolist()):
+        for k, last in enumerate(self.trail_end[: loop.stretches].tolist()):
             events = int(self.stretch_events[k])
             t, x, m = start.place.here, start.x, start.m
             if events:
@@ -200,7 +200,7 @@ class Flight:
                 return events
         return None
 
-    def _prepared(self, library: Library[FlightProgram]) -> FlightStructure:
+    def _prepared(self, library: Library[EventLoopProgram]) -> EventLoopStructure:
         """What the program has to know of the run; made once."""
         if self._structure is not None and self._library is library:
             return self._structure
@@ -263,11 +263,11 @@ class Flight:
         self._structure, self._library = library.run.structure(numbers, arrays), library
         return self._structure
 
-    def _record(self, flight: FlightStructure, start: float, x_start: Vector, m_start: Vector) -> None:
-        """Record what a flight has passed."""
-        n = flight.rows
+    def _record(self, loop: EventLoopStructure, start: float, x_start: Vector, m_start: Vector) -> None:
+        """Record what the loop has passed."""
+        n = loop.rows
         times, x, m = self.row_time[:n].copy(), self.row_x[:n].T.copy(), self.row_m[:n].T.copy()
-        starts = self.event_row[: flight.events]
+        starts = self.event_row[: loop.events]
         self._fill(times, x, m, starts, start, x_start)
         before = np.hstack([x_start[:, None], x[:, :-1]])
         moved = (x[:, starts] != before[:, starts]).T
@@ -275,17 +275,17 @@ class Flight:
             modes = np.hstack([m_start[:, None], m])
             for k, row in enumerate(starts.tolist()):
                 left, right = (before[:, row], modes[:, row]), (x[:, row], modes[:, row + 1])
-                self.trace(Passed(float(self.event_time[k]), self._reached(k), left, right, self._jumps(k)))
-        ends = [0, *self.acts_end[: flight.events].tolist()]
+                self.trace(LoopEvent(float(self.event_time[k]), self._reached(k), left, right, self._jumps(k)))
+        ends = [0, *self.acts_end[: loop.events].tolist()]
         acts = self.act[: ends[-1]].tolist()
         boundaries = []
-        for k, t in enumerate(self.event_time[: flight.events].tolist()):
+        for k, t in enumerate(self.event_time[: loop.events].tolist()):
             happened = self.fired[k].tobytes(), tuple(acts[ends[k] : ends[k + 1]]), moved[k].tobytes()
             if happened not in self._known:  # the same few things happen again and again
                 causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), list(happened[1]))
                 self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
             boundaries.append((t, *self._known[happened]))
-        stats = {"n_steps": flight.steps, "n_rhs": flight.rhs, "n_jac": flight.jacobians, "n_reject": flight.rejected}
+        stats = {"n_steps": loop.steps, "n_rhs": loop.rhs, "n_jac": loop.jacobians, "n_reject": loop.rejected}
         self.recorder.extend(times, x, m, boundaries, counted(stats))
 
     def _reached(self, event: int) -> int | None:

@@ -5,7 +5,7 @@ where no evaluation falls into that moment, nothing tells of it. But the argumen
 wherever the solution is: what a solver hands over is searched for the instants at which such an argument turns, or a
 step is in its middle (`acausal.analyse.events.steep`), for between them nothing can come and go. There the solution
 that was handed over is asked whether it satisfies the equations; where it does not, it is integrated again up to that
-instant, which is the end of a step then, and from there on. If this leads back to the next row, nothing was overlooked.
+instant, which is the end of a step then, and from there on. If this leads back to the next row, nothing was missed.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.location.between import interpolated
-from acausal.simulate.events.location.looks import even
+from acausal.simulate.events.location.mesh import even
 from acausal.simulate.events.location.rows import nearest, roots, slopes, told
 from acausal.simulate.solvers.base import on_equations
 from acausal.simulate.solvers.segment import Piece, Segment
@@ -50,7 +50,7 @@ _LARGE = 0.5
 _NODES = 8
 # Larger arguments are this, with room for products and slopes.
 _LARGEST = 1e100
-# How many rows before what was overlooked is awake may be at most.
+# How many rows before what was missed is awake may be at most.
 _BACK = 64
 # A function is told by the rows around where it is what they say to this share; less than nothing is none.
 _TOLD, _NOTHING, _FEW = 0.02, 1e-14, 4
@@ -68,12 +68,12 @@ _BESIDE = 0.2
 # Points are one that are closer than this share of the rows around.
 _NEAR = 1e-6
 _NOWHERE: tuple[Vector, Truth] = np.zeros(0), np.zeros(0, dtype=bool)
-# What is solved at once behind what was overlooked, by how far that was; and how it grows.
+# What is solved at once behind what was missed, by how far that was; and how it grows.
 _BEHIND, _GROWTH = 2.0, 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Overlooked:
+class MissedEvents:
     """Integrates as `solve` does, and again what it has passed over; `skip` is told where a piece is not searched."""
 
     solve: Integrate
@@ -134,7 +134,7 @@ class _Search:
         return min(_MOST, _VALUES // self.known.levels.count)
 
     def integrated(self, segment: Segment) -> Piece:
-        """The segment, piece by piece once something was overlooked."""
+        """The segment, piece by piece once something was missed."""
         parts: list[Piece] = []
         asked, reach, whole = segment, np.inf, segment
         while True:
@@ -320,7 +320,7 @@ class _Search:
         return np.asarray(large | ((off > _DEFECT) & doubt))
 
     def _asleep(self, segment: Segment, rows: _Rows, high: int) -> int:
-        """The last row that stands before all that may have been overlooked."""
+        """The last row that stands before all that may have been missed."""
         before = np.arange(max(high - _BACK, 1), high)
         if not len(before):
             return 0

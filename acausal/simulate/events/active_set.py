@@ -40,7 +40,7 @@ class Hold:
     target: int | None = None
 
 
-class Held:
+class ActiveSet:
     """Functions of `(t, x, z, u, p, m)` for one set of held relations of a model, perhaps none."""
 
     def __init__(self, free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> None:
@@ -290,17 +290,17 @@ def _slopes(g: Any, v: Any, which: Any) -> Any:
     return ca.densify(ca.sum1(ca.SX(slopes.sparsity(), chosen)).T)
 
 
-_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, Held]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, ActiveSet]] = WeakKeyDictionary()
 
 
-def held(free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> Held:
+def active_set(free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> ActiveSet:
     """The equations of a model for these holds, from those that were asked for before."""
     free = free.common
     made = _MADE.setdefault(free, OrderedDict())
     key = holds, border
     found = made.pop(key, None)
     if found is None:
-        found = Held(free, holds, border)
+        found = ActiveSet(free, holds, border)
     made[key] = found
     if len(made) > _MOST:
         made.popitem(last=False)
