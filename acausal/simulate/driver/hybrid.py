@@ -95,7 +95,7 @@ class Hybrid:
     _vague: dict[int, int] = field(default_factory=dict)
     _small: dict[int, list[float]] = field(default_factory=dict)
     _uncleared: dict[bytes, int] = field(default_factory=dict)
-    _flight: EventLoop | None = None
+    _loop: EventLoop | None = None
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -144,12 +144,12 @@ class Hybrid:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
         if not self.single_step or not suits_event_loop(self.problem, self.solver):
             return None
-        if self._flight is not None and self._flight.over(schedule) is not None:
-            return self._flight
+        if self._loop is not None and self._loop.over(schedule) is not None:
+            return self._loop
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
         clears = None if self.missed_events is None else self._clears
-        self._flight = EventLoop(*parts, self._trace if self.traced else None, clears)
-        return self._flight
+        self._loop = EventLoop(*parts, self._trace if self.traced else None, clears)
+        return self._loop
 
     def _trace(self, passed: LoopEvent) -> None:
         """Keep an event of the compiled loop."""

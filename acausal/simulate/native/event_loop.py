@@ -68,7 +68,7 @@ class EventLoopProgram(Program):
     def __init__(self, path: Path, nx: int, nz: int) -> None:
         """Load the library; OSError or AttributeError when it is not one of ours."""
         super().__init__(path, nx, nz)
-        self.call = ctypes.CDLL(str(path)).acausal_event_loop
+        self.loop = ctypes.CDLL(str(path)).acausal_event_loop
 
     def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> EventLoopStructure:
         """The structure with these fields; it keeps the arrays alive."""
@@ -79,5 +79,5 @@ class EventLoopProgram(Program):
 
     def run(self, loop: EventLoopStructure) -> None:
         """Go on as far as it goes; Interrupted when Ctrl-C was pressed: what it had come to is in the structure."""
-        if self.call(ctypes.byref(loop)) == INTERRUPTED:
+        if self.loop(ctypes.byref(loop)) == INTERRUPTED:
             raise Interrupted
