@@ -12,8 +12,8 @@ from acausal.result.signals import Signal
 from tests.cli.running import run
 
 
-def _result(shift: float = 0.0, n: int = 201) -> Result:
-    t = np.linspace(0.0, 2.0, n)
+def _result(shift: float = 0.0, n: int = 201, stop: float = 2.0) -> Result:
+    t = np.linspace(0.0, stop, n)
     values = np.stack([np.sin(3.0 * t) + shift, 5.0 * t], axis=1)
     signals = {"a": Signal("a", "m", column=0), "b": Signal("b", "N", column=1), "k": Signal("k", value=4.0)}
     return Result("M", t, values, signals)
@@ -69,6 +69,17 @@ def test_different_grids_are_compared_on_the_coarser() -> None:
     _result(n=2001).save("b.mat")
     assert run("compare", "a.mat", "b.mat", "--tolerance", "1e-6").code == 0
     assert run("compare", "b.mat", "a.mat", "--tolerance", "1e-6").code == 0
+
+
+def test_a_run_that_broke_off_does_not_agree_with_its_reference() -> None:
+    """Equal as far as both go: the short one lacks what the reference has, not the other way round."""
+    _result(n=101).save("a.mat")
+    _result(n=61, stop=1.2).save("b.mat")
+    found = run("compare", "a.mat", "b.mat", "--json")
+    assert (found.code, found.json["covers_first"], found.json["within_tolerance"]) == (3, False, False)
+    assert found.json["to"] == pytest.approx(1.2)
+    assert "out of tolerance" in run("compare", "a.mat", "b.mat").out
+    assert run("compare", "b.mat", "a.mat").code == 0
 
 
 def test_a_jump_is_not_compared_at_its_own_instant() -> None:

@@ -287,5 +287,5 @@ def test_discrete_variables_are_no_states(folder: Path) -> None:
     Path("m.py").write_text("from acausal import *\nclass M(Component):\n" + body)
     assert run("check", "m.py").out.startswith("M: 4 equations, 4 unknowns, 1 state, 3 discrete variables")
     out = run("simulate", "m.py").out
-    assert "an ODE of 1 states with events" in out
+    assert "an ODE of 1 state with events" in out
     assert "4 equations, 1 state," in out

@@ -64,7 +64,8 @@ def compare(
     """Compare two result files, or a result with measurements; exits with 3 if out of tolerance.
 
     Values are compared at the times of the file with fewer rows, not at events, where a rounding error in time would
-    show as a jump. Units are converted.
+    show as a jump. Units are converted. A result that covers less than the reference is out of tolerance; one that
+    covers more is not.
 
     Examples: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6; acausal compare measured.csv run.mat
     --plot
@@ -81,17 +82,22 @@ def compare(
 
         compared(a, b, [d.name for d in found[: min(count, _MOST_DRAWN)]], picture)
     bad = [d for d in found if not d.relative <= tolerance]
+    low, high = _overlap(a, b)
+    short = is_shorter(a, b)
     if as_json:
         record(
             {
                 "first": str(first),
                 "second": str(second),
                 "tolerance": tolerance,
+                "from": low,
+                "to": high,
+                "covers_first": not short,
                 "common": len(found),
                 "only_in_first": sorted(set(a.names) - set(b.names)),
                 "only_in_second": sorted(set(b.names) - set(a.names)),
                 "deviations": [vars(d) for d in found],
-                "within_tolerance": not bad,
+                "within_tolerance": not bad and not short,
                 "files": [str(picture)] if picture is not None else [],
             }
         )
@@ -103,10 +109,18 @@ def compare(
         table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
         alone = len(set(a.names) ^ set(b.names))
         verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
-        say(f"{plural(len(found), 'common signal')}, {alone} in one file only: {verdict}")
+        say(
+            f"{plural(len(found), 'common signal')}, {alone} in one file only, compared over {low:g} ... {high:g} s: "
+            f"{verdict}"
+        )
+        if short:
+            say(
+                f"{second.name} covers {b.time[0]:g} ... {b.time[-1]:g} s of the {a.time[0]:g} ... {a.time[-1]:g} s of "
+                f"{first.name}: out of tolerance"
+            )
         if picture is not None:
             remark(f"wrote {picture}")
-    if bad:
+    if bad or short:
         raise typer.Exit(OUT_OF_TOLERANCE)
 
 
@@ -147,11 +161,25 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
     return sorted(found, key=lambda d: -d.relative)
 
 
+def is_shorter(a: Result, b: Result) -> bool:
+    """Whether `b` begins later or ends earlier than `a` by more than two rows are apart: a run that broke off, say."""
+    import numpy as np
+
+    low, high = _overlap(a, b)
+    spacing = max(float(np.diff(r.time).max(initial=0.0)) for r in (a, b))
+    return bool(max(low - a.time[0], a.time[-1] - high) > spacing)
+
+
+def _overlap(a: Result, b: Result) -> tuple[float, float]:
+    """The first and the last time that both results have."""
+    return max(float(a.time[0]), float(b.time[0])), min(float(a.time[-1]), float(b.time[-1]))
+
+
 def _times(a: Result, b: Result) -> Array:
     import numpy as np
 
     coarse = a if len(a.time) <= len(b.time) else b
-    low, high = max(a.time[0], b.time[0]), min(a.time[-1], b.time[-1])
+    low, high = _overlap(a, b)
     times = np.unique(coarse.time)
     times = np.asarray(times[(times >= low) & (times <= high)], dtype=float)
     events = np.concatenate([r.time[1:][np.diff(r.time) == 0] for r in (a, b)])

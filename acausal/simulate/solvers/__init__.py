@@ -60,20 +60,23 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None, breaks: int
     if step is not None:
         return solver_named("rk2"), "a fixed step was given"
     events = compiled.state_events
+    states = len(compiled.continuous)
+    kind = f"{'a DAE' if compiled.algebraic else 'an ODE'} of {states} state{'s' if states != 1 else ''}"
     # a one-step method starts again after an event at no cost (docs/devdocs/events.md)
     if (events.relations or events.samples) and not compiled.algebraic and compiled.n_dynamic:
-        return solver_named("rosenbrock"), f"an ODE of {len(compiled.continuous)} states with events of its variables"
+        return solver_named("rosenbrock"), f"{kind} with events of its variables"
     if compiled.delays and not compiled.algebraic and len(compiled.states) <= _FEW:
-        return solver_named("rosenbrock"), f"an ODE of {len(compiled.continuous)} states with delays: many fresh starts"
+        return solver_named("rosenbrock"), f"{kind} with delays: many fresh starts"
     if breaks > _MANY and not compiled.algebraic and 0 < compiled.n_dynamic <= _FEW:
         return solver_named("rosenbrock"), f"an ODE with inputs that break {breaks} times: many fresh starts"
-    kind = f"{'a DAE' if compiled.algebraic else 'an ODE'} of {len(compiled.continuous)} states"
     size = compiled.n_dynamic + len(compiled.algebraic)
     # its error test includes iterated variables, and those of closed loops are noise where a loop comes to an end of
     # its way: it stops there (EngineV6, Fourbar1), IDAS does not, and holds the tolerance
     is_loop = bool(compiled.algebraic) and bool(compiled.solution.structure.invariants)
     if is_smooth(compiled) and compiled.n_dynamic and size <= _SMALL and not is_loop:
-        return solver_named("rosenbrock"), f"{kind} without events, small enough for a method of order 5"
+        return solver_named(
+            "rosenbrock"
+        ), f"{kind} without events of its variables, small enough for a method of order 5"
     return solver_named("idas"), f"{kind}, stiffness unknown"
 
 
