@@ -40,7 +40,7 @@ from acausal.language.declarations.declare import signal_output as signal_output
 from acausal.language.declarations.declare import structural as structural
 from acausal.language.declarations.declare import variable as variable
 from acausal.language.declarations.experiment import Experiment as Experiment
-from acausal.language.declarations.outer import outer as outer
+from acausal.language.declarations.parts import outer as outer
 from acausal.language.events import assert_ as assert_
 from acausal.language.events import reset as reset
 from acausal.language.events import terminate as terminate

@@ -13,11 +13,10 @@ from dataclasses import dataclass, replace
 
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.linear import LinearForm
-from acausal.flatten.flat import FlatEquation, FlatSystem, FlatVariable
+from acausal.flatten.flat import FlatEquation, FlatSystem, FlatVariable, with_variables
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import ReducedSystem, nominal
 from acausal.flatten.terms import SUMS, terms
-from acausal.flatten.translated import with_variables
 
 
 @dataclass(frozen=True)

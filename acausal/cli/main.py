@@ -24,7 +24,7 @@ from acausal.cli.results.animate import animate
 from acausal.cli.results.compare import compare
 from acausal.cli.results.explore import explore
 from acausal.cli.results.plot import plot
-from acausal.cli.run import clock as _clock  # noqa: F401  (the clock starts when it is loaded)
+from acausal.cli.run import progress as _progress  # noqa: F401  (the clock starts when it is loaded)
 from acausal.cli.run.simulate import simulate
 from acausal.cli.study.bench import bench
 from acausal.cli.study.export import export

@@ -21,7 +21,7 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
-from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.start.initialize import Start, consistent, initialize
 
 

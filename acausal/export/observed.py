@@ -9,8 +9,8 @@ import casadi as ca
 
 from acausal.export.casadi.finite import finite
 from acausal.export.ports import Output
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 
 def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:

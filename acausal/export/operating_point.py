@@ -17,7 +17,7 @@ from acausal.export.start_point import input_start
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.arguments import input_vector, parameter_vector
+from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.start.initialize import initialize
 
 # Tolerance of rates, in nominal magnitudes of their states per duration of the experiment, and of outputs.

@@ -8,7 +8,7 @@ from acausal.errors import DeclarationError
 from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatDelay, FlatEquation, FlatWhen
 from acausal.flatten.pool import Pool
 from acausal.language.expressions.delay import Delayed
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 _Holder = tuple[tuple[int, ...], Origin | None, str]
 

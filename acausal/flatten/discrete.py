@@ -15,7 +15,7 @@ from acausal.flatten.scalars.scalarise import Resolve, Scalars, scalars
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation, assigned
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 Place = tuple[Instance, str, Declaration, int]
 """Where a discrete scalar is declared: component, name, declaration and entry."""

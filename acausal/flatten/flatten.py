@@ -51,7 +51,7 @@ from acausal.language.connections.connect import Connection
 from acausal.language.declarations.declaration import Fixed, Guess, Kind
 from acausal.language.events import Reset, When
 from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 
 def flatten(

@@ -17,7 +17,7 @@ from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.declarations.misuse import Declared, declared_at
 from acausal.language.expressions.dimensions import check_dimensions
 from acausal.language.expressions.expression import Equation, Expr, Shape, Symbol
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 from acausal.units import convert
 
 _TINY = 1e-50

@@ -29,11 +29,9 @@ from acausal.language.declarations.misuse import (
     refuse_hiding,
     refuse_undeclared,
 )
-from acausal.language.declarations.outer import Outer, outer
-from acausal.language.declarations.parts import Parts
+from acausal.language.declarations.parts import Outer, Parts, outer
 from acausal.language.expressions.expression import Expr, Symbol
-from acausal.language.origin import Origin
-from acausal.language.statement import Ledger, Statement, recorded, refuse_lost, refuse_unheard
+from acausal.language.statement import Ledger, Origin, Statement, recorded, refuse_lost, refuse_unheard
 from acausal.providers import Diagram, provided
 
 Equations = Iterator[Statement]

@@ -3,6 +3,9 @@
 `connect(a, b)` and `a == b` are values: made and not yielded they would be lost, and the model would run without them.
 Each statement therefore enters the ledger of the running method when it is made, and leaves it when it is yielded or
 becomes part of another one; an error is raised for those left at the end.
+
+The place of a statement is read from the frame of the generator that yields it, also through `yield from`. It is stored
+as `(code, lasti)`, two words; line and columns are looked up only for a message.
 """
 
 from __future__ import annotations
@@ -12,17 +15,62 @@ import dis
 import inspect
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache
 from types import CodeType, FrameType
 from typing import Any
 
 from acausal.errors import DeclarationError, Span
-from acausal.language.origin import Origin
 
 _COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVERT"))
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """A resolved place: the pickled form of an `Origin`, since code objects cannot be pickled."""
+
+    place: Span
+
+    def span(self) -> Span:
+        """File, line and columns."""
+        return self.place
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A place in a code object; `span()` resolves it."""
+
+    code: CodeType
+    lasti: int
+
+    def __reduce__(self) -> tuple[type[Located], tuple[Span]]:
+        return Located, (self.span(),)
+
+    def span(self) -> Span:
+        """File, line and columns of the instruction."""
+        positions = list(self.code.co_positions())
+        line, end_line, column, end_column = positions[self.lasti // 2]
+        same_line = line == end_line
+        return Span(
+            self.code.co_filename,
+            line or self.code.co_firstlineno,
+            column if same_line else None,
+            end_column if same_line else None,
+        )
+
+
+def origin_of(generator: Generator[Any, Any, Any]) -> Origin:
+    """The place of the statement that `generator`, just resumed, has yielded from."""
+    inner: Any = generator
+    while getattr(inner.gi_yieldfrom, "gi_frame", None) is not None:
+        inner = inner.gi_yieldfrom
+    frame = inner.gi_frame
+    return Origin(frame.f_code, frame.f_lasti)
+
+
 Ledger = dict[int, tuple[object, Origin]]
 """(Statement, place) by `id`; holding the statements keeps their ids unique."""
 

@@ -3,20 +3,25 @@
 A call into CasADi costs 10 to 30 us whatever its size, so the nodes of a large model are lowered as columns: all
 subtractions whose operands are available at once, and so on from level to level. Ten thousand equal sections of a
 ladder then take a few dozen calls. Where few nodes of a level have the same operation they are lowered one by one.
+
+Variables and modes are the `Symbols` of a model's vectors. An input over time is a Chebyshev polynomial whose
+coefficients are modes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 
+from acausal.analyse.delays import WIDTH
 from acausal.flatten.pool import IMPULSE, LEAVES, Pool
 from acausal.language.expressions.delay import Delayed
 from acausal.language.expressions.external import Call, External
 from acausal.language.expressions.functions import UNARY
-from acausal.lower.chebyshev import polynomial
+from acausal.lower.lowered import Lowered
 from acausal.numeric.external import call
 
 BUILD: dict[str, Callable[..., Any]] = {
@@ -218,3 +223,94 @@ class Builder:
         if scalars:
             self._append(scalars, ca.vertcat(*(self.done[n] for n in scalars)))
         return self._values[[self._place[n] for n in members]]
+
+
+INPUT_DEGREE = 7
+"""Degree of the polynomial of an input over one stretch."""
+
+INPUT_WIDTH = INPUT_DEGREE + 3
+"""Number of modes that hold one input over time, in the same order as those of a delay."""
+
+SLACK = 1e-3
+"""How far a polynomial is extrapolated beyond its window, in half widths."""
+
+
+def polynomial(window: Any, instant: Any) -> Any:
+    """The signal at an instant, by Clenshaw's recurrence.
+
+    `window`: column of degree + 3 entries: the middle of the stretch, the reciprocal of its half width, the
+    coefficients.
+    """
+    s = ca.fmin(ca.fmax((instant - window[0]) * window[1], -1 - SLACK), 1 + SLACK)
+    high, higher = ca.SX(0), ca.SX(0)
+    for k in range(window.numel() - 3, 0, -1):
+        high, higher = window[2 + k] + 2 * s * high - higher, high
+    return window[2] + s * high - higher
+
+
+class Symbols:
+    """One set of SX symbols for the arguments (t, x, z, u, p, m)."""
+
+    def __init__(self, compiled: Lowered) -> None:
+        self.t = ca.SX.sym("t")
+        self.x = ca.SX.sym("x", len(compiled.states))
+        self.z = ca.SX.sym("z", len(compiled.algebraic))
+        self.u = ca.SX.sym("u", len(compiled.inputs))
+        self.p = ca.SX.sym("p", len(compiled.parameters))
+        self.m = ca.SX.sym("m", compiled.n_modes)
+
+    @property
+    def inputs(self) -> list[Any]:
+        """The symbols in the order of every function's arguments."""
+        return [self.t, self.x, self.z, self.u, self.p, self.m]
+
+    def builder(self, compiled: Lowered) -> DefiningBuilder:
+        """A builder that knows states, algebraic variables, inputs and modes."""
+        solution = compiled.solution
+        modes = {n: self.m[k] for k, n in zip(compiled.mode_places, compiled.mode_nodes, strict=True)}
+        builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
+        first, delays = compiled.n_timely - compiled.delays.size, range(len(compiled.delays.items))
+        builder.windows = [self.m[first + WIDTH * k : first + WIDTH * (k + 1)] for k in delays]
+        for symbols, variables in (
+            (self.x, compiled.state_variables),
+            (self.z, solution.algebraic),
+            (self.input_values(compiled), solution.structure.reduced.inputs),
+        ):
+            builder.know(variables, symbols)
+        return builder
+
+    def defined(self, compiled: Lowered, blend: bool = False) -> DefiningBuilder:
+        """As `builder`, with all definitions; `blend` for modes between 0 and 1."""
+        builder = self.builder(compiled)
+        builder.blend = blend
+        builder.define(compiled.solution.definitions, compiled.rewritten)
+        return builder
+
+    def input_values(self, compiled: Lowered) -> Any:
+        """Inputs in the equations: entries of u, and polynomials in time for driven ones."""
+        u, first = ca.SX(self.u), len(compiled.time_events.relations)
+        for k, place in enumerate(compiled.driven):
+            u[place] = polynomial(self.m[first + k * INPUT_WIDTH : first + (k + 1) * INPUT_WIDTH], self.t)
+        return u
+
+
+class DefiningBuilder(Builder):
+    """A builder with definitions in which relations and kinks are replaced by branches on modes."""
+
+    def define(self, definitions: Sequence[tuple[int, int]], rewritten: dict[int, int]) -> None:
+        """Add definitions; relations and kinks in them are replaced by their modes."""
+        self.rewritten = rewritten
+        for variable, node in definitions:
+            self.definitions[variable] = self.replaced(node)
+
+    def replaced(self, node: int) -> int:
+        """The node with relations and kinks in it replaced by branches on modes."""
+        if not self.rewritten:
+            return node
+        done = self._replaced
+        self.pool.rewrite([node], self.pool.var, done)
+        return done[node]
+
+    @cached_property
+    def _replaced(self) -> dict[int, int]:
+        return dict(self.rewritten)

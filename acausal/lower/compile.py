@@ -1,9 +1,14 @@
-"""Compilation of a component to a `CompiledModel`: the pipeline as an explicit list of stages."""
+"""Compilation of a component to a `CompiledModel`: the pipeline as an explicit list of stages.
+
+Of a model whose structure may change, the equations with every structure are made when somebody asks for them: a scene
+of 64 balls has 2080 pairs, of which a run needs 64 at a time, and compiles those (`acausal.simulate.restructure`).
+"""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,14 +31,12 @@ from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
 from acausal.language.choices import Choice
 from acausal.language.component import Component
-from acausal.lower.build import Builder
+from acausal.lower.build import Builder, Symbols
 from acausal.lower.cache.cache import recall, remember, signature
 from acausal.lower.compiled import CompiledModel, _column
-from acausal.lower.deferred import DeferredModel
 from acausal.lower.events.functions import just_after
 from acausal.lower.events.impulses import impulses_of
 from acausal.lower.lowered import Recipe
-from acausal.lower.symbols import Symbols
 from acausal.numeric.samples import Visited
 from acausal.reduce.confine import changing, confined
 from acausal.reduce.freeze import freeze as fold_parameters
@@ -296,3 +299,42 @@ class _Clock:
         now = time.perf_counter()
         self.laps[name] = self.laps.get(name, 0.0) + now - self._last
         self._last = now
+
+
+# What is known before there are equations.
+_KNOWN = frozenset(("recipe", "is_made", "__class__", "__dict__", "__hash__", "__weakref__"))
+_MAKE, _LOCK = "_make", "_lock"
+
+
+class DeferredModel(CompiledModel):
+    """A compiled model that is made when something of it but its recipe is asked for."""
+
+    @classmethod
+    def of(cls, recipe: Recipe, make: Callable[[], CompiledModel]) -> CompiledModel:
+        """The model that `make` will make, of this recipe."""
+        model = cls.__new__(cls)
+        model.__dict__.update({"recipe": recipe, _MAKE: make, _LOCK: threading.Lock()})
+        return model
+
+    @property
+    def is_made(self) -> bool:
+        """Whether there are equations yet."""
+        return _MAKE not in self.__dict__
+
+    def __getattribute__(self, name: str) -> Any:
+        if name not in _KNOWN:
+            own = object.__getattribute__(self, "__dict__")
+            if _MAKE in own:
+                _fill(own)
+        return object.__getattribute__(self, name)
+
+
+def _fill(own: dict[str, Any]) -> None:
+    """Put what is made in place of what makes it."""
+    with own[_LOCK]:
+        make = own.get(_MAKE)
+        if make is None:  # another thread was faster
+            return
+        made = make()
+        own.update({name: value for name, value in made.__dict__.items() if name != "recipe"})
+        del own[_MAKE]

@@ -11,12 +11,11 @@ import casadi as ca
 
 from acausal.analyse.blocks.solve import opened
 from acausal.analyse.delays import PADE, refuse_delays
-from acausal.lower.build import Builder
+from acausal.lower.build import Builder, Symbols
 from acausal.lower.casadi_model import CasadiModel
 from acausal.lower.columns.mapped import Mapped, mapped
 from acausal.lower.events.functions import EventFunctions, just_after
 from acausal.lower.lowered import Lowered
-from acausal.lower.symbols import Symbols
 from acausal.providers import provided
 from acausal.reduce.confine import changing, refuse_unsteady
 

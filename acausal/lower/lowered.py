@@ -19,7 +19,7 @@ from acausal.arrays import Vector
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.reduced import nominal
 from acausal.language.component import Component
-from acausal.lower.chebyshev import INPUT_WIDTH
+from acausal.lower.build import INPUT_WIDTH
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.reduce.select import Selection
 
@@ -61,7 +61,7 @@ class Lowered:
     # From which `simulate` compiles again when the structure of the model changes; None where it never does.
     recipe: Recipe | None = None
     # Indices in u of the inputs that are functions of time: polynomials over each stretch of a run, whose coefficients
-    # are modes. The values of u there are not used (`acausal.lower.variants.driven`).
+    # are modes. The values of u there are not used (`acausal.lower.variants.started`).
     driven: tuple[int, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)  # seconds per stage of the compilation
     # Steep functions, given for a subsystem, whose sample points belong to the whole model; None: found in the solution

@@ -12,9 +12,9 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.arrays import Vector
 from acausal.errors import OptimizationError
 from acausal.export.forms import Form, check
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.impulses import impulses
-from acausal.lower.symbols import Symbols
 from acausal.optimal_control.branches import Widths, relax_branches, specialize_branches, switching_branches
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory

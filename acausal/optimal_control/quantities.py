@@ -19,7 +19,7 @@ from acausal.lower.casadi_model import Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Guard
 from acausal.optimal_control.program.points import key, symbols_in
-from acausal.simulate.arguments import parameter_vector
+from acausal.simulate.options import parameter_vector
 
 
 class Quantities:

@@ -7,10 +7,9 @@ from dataclasses import replace
 
 from acausal.analyse.aliases import reduce
 from acausal.errors import UsageError, meant
-from acausal.flatten.flat import FlatSystem, suffixes
+from acausal.flatten.flat import FlatSystem, suffixes, translated
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import nominal
-from acausal.flatten.translated import translated
 from acausal.reduce.outputs import fitting
 
 ZEROS = "zeros"

@@ -25,7 +25,7 @@ from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Tolerances
 
 # Two branches meet to this share of their size; those of variables, which meet where a guard was located, to so many
 # tolerances, or to this.

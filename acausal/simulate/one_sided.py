@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 _MOST = 500  # unknowns of the models that are looked at
 _LARGE = 1e6  # of an unknown, by its nominal magnitude and its value

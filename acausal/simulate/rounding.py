@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from acausal.simulate.solvers.segment import Piece, Segment
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 
 MANY = 100_000
 """Steps of a run from which on it is worth to ask."""

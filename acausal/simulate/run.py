@@ -14,17 +14,15 @@ from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
-from acausal.lower.variants.driven import with_driven
-from acausal.lower.variants.started import with_starts
+from acausal.lower.variants.started import with_driven, with_starts
 from acausal.providers import provided
 from acausal.reduce.confine import changing
 from acausal.result.result import Result
-from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.driver.agenda import Source
 from acausal.simulate.driver.run import Progress, Run
 from acausal.simulate.inputs.given import Inputs, given_inputs
 from acausal.simulate.interrupt import interruptible
-from acausal.simulate.options import Options, options
+from acausal.simulate.options import Options, options, parameter_vector
 from acausal.simulate.record.pivots import without_lost_pivots
 from acausal.simulate.restructure.restructure import Pieces, RunPiece
 from acausal.simulate.start.initialize import Start

@@ -23,9 +23,9 @@ from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.sensitivity.chain import Chain
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
-from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.options import options as run_options
 from acausal.simulate.step_limit.state_matrix import StateMatrix
 from acausal.study.stability.trajectory import points

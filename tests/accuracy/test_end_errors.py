@@ -16,8 +16,7 @@ import acausal
 from acausal import Component, Equations, Experiment, Real, der, fixed, sin, time, variable
 from acausal.models.ivp.answers import PROBLEMS, Problem
 from acausal.simulate.rounding import attainable
-from acausal.simulate.solvers.segment import Piece, Segment
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 from benchmarks.accuracy_problems import OWN
 from benchmarks.accuracy_scenes import SCENES
 

@@ -12,7 +12,7 @@ import acausal
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.instances.instances import instances
 from acausal.library.contact import ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
-from acausal.lower.deferred import DeferredModel
+from acausal.lower.compile import DeferredModel
 from acausal.models.contact_scenes import HolesSideBySide
 from tests.contact.test_scene import ThrownBall
 

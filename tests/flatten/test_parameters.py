@@ -11,7 +11,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Expr, Real, fixed, parameter, part, sqrt, structural, time, variable
 from acausal.errors import AcausalError
-from acausal.simulate.arguments import parameter_vector
+from acausal.simulate.options import parameter_vector
 
 
 class Disc(Component):

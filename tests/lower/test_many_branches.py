@@ -22,8 +22,8 @@ from acausal import (
     variable,
     where,
 )
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 
 def slopes(compiled: CompiledModel, x: float, mode: float) -> tuple[np.ndarray, np.ndarray]:

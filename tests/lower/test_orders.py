@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import acausal
 from acausal import Component
-from acausal.analyse.blocks.orders import distances
+from acausal.analyse.blocks.elimination import distances
 from acausal.models.pendulum_chain import PendulumChain
 from tests.lower.mechanisms import Balls, Tree
 

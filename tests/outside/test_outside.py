@@ -13,10 +13,9 @@ from scipy.integrate import solve_ivp
 import acausal
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.oscillator import Oscillator
-from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
-from acausal.simulate.options import options
+from acausal.simulate.options import options, parameter_vector
 from acausal.simulate.solvers import SOLVERS
 from tests.outside.dop853 import Dop853
 from tests.outside.scipy_system import scipy_system

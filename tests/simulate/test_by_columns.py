@@ -12,7 +12,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, cos, der, exp, fixed, parameter, part, sin, structural, tanh
-from acausal.simulate.equations.calls.in_columns import in_columns
+from acausal.simulate.equations.calls.columns import in_columns
 from acausal.simulate.native import columns, policy
 from acausal.simulate.native.cache import compiler
 

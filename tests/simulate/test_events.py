@@ -27,8 +27,8 @@ from acausal import (
     where,
 )
 from acausal.errors import IntegrationError, StructureError
-from acausal.lower.symbols import Symbols
-from acausal.simulate.events.active_set import Hold, active_set
+from acausal.lower.build import Symbols
+from acausal.simulate.events.regime import Hold, active_set
 from tests.marks import slow_but
 
 G = 9.81

@@ -28,8 +28,7 @@ from acausal.errors import IntegrationError
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.recovery import RECOVERY_STEPS, Counted, crawl, recover
-from acausal.simulate.solvers.segment import Piece, Segment
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 
 
 class Explosion(Component):

@@ -18,7 +18,7 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, variable, where
-from acausal.lower.symbols import Symbols
+from acausal.lower.build import Symbols
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 

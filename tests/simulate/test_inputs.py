@@ -34,7 +34,7 @@ from acausal import (
 from acausal.errors import AcausalError
 from acausal.library.blocks import FirstOrder, FixedDelay, Ramp
 from acausal.library.rotational import Inertia, Speed
-from acausal.lower.variants.driven import with_driven
+from acausal.lower.variants.started import with_driven
 
 W, T = 3.0, 0.5
 

@@ -10,7 +10,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, sqrt, variable, where
 from acausal.models.clutches import ClutchChain
-from acausal.simulate.events import active_set
+from acausal.simulate.events import regime
 from acausal.simulate.events.guards import Guards
 
 
@@ -36,19 +36,19 @@ class Follower(Component):
 @pytest.mark.parametrize("most", [10_000, 0])
 def test_errors_relax_as_an_implicit_step_lets_them(monkeypatch: pytest.MonkeyPatch, most: int) -> None:
     """|g_x (I - h J)^-1| e by hand, with slopes chosen among all and, in large models, by a product."""
-    monkeypatch.setattr(active_set, "_MOST_SLOPES", most)
+    monkeypatch.setattr(regime, "_MOST_SLOPES", most)
     compiled = acausal.compile(Follower())
     assert compiled.states == ("x", "y", "n")
     jacobian, h, e = np.array([[-1e6, 2e6, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 0.0]]), 1e-3, np.array([1e-3, 2e-4, 0.0])
     x = np.array([2.0, 1.0, 0.0])
     slopes = {0.5: [1.0, 0.0, 0.0], 2.0: [3.0, -1.0, 0.0], 0.1: [0.5 / math.sqrt(2.0), 0.0, 0.0]}
     level = {0.5: 2.0 - 0.5, 2.0: 6.0 - 1.0 - 2.0, 0.1: math.sqrt(2.0) - 0.1}
-    here = active_set.ActiveSet(compiled, (), None)
+    here = regime.ActiveSet(compiled, (), None)
     m = np.ones(compiled.n_modes)
     p = np.array([1e6, 0.5])
     g = here.guards(0.0, x, [], [], p, m)[0]
     assert sorted(g) == pytest.approx(sorted(level.values()))
-    every = np.resize(np.arange(len(g)), active_set.TOGETHER)
+    every = np.resize(np.arange(len(g)), regime.TOGETHER)
     together = here.buffered_relaxed_together(0.0, x, [], [], p, m, e, h, every)[0]
     for k, value in enumerate(g):
         which = next(name for name, at in level.items() if at == pytest.approx(value))
@@ -62,7 +62,7 @@ def test_errors_relax_as_an_implicit_step_lets_them(monkeypatch: pytest.MonkeyPa
 def test_a_slope_without_bound_is_that_of_its_own_guard_only() -> None:
     """At x = 0 the root has no slope; what the others are known to is what it was."""
     compiled = acausal.compile(Follower())
-    here = active_set.ActiveSet(compiled, (), None)
+    here = regime.ActiveSet(compiled, (), None)
     m, e = np.ones(compiled.n_modes), np.array([1e-3, 2e-4, 0.0])
     p = np.array([1e6, 0.5])
     found = [here.buffered_relaxed(0.0, np.zeros(3), [], [], p, m, e, 1e-3, k)[0][0] for k in range(3)]

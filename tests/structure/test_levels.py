@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acausal.structure.levels import levels
+from acausal.structure.blt import levels
 
 
 @pytest.mark.parametrize(

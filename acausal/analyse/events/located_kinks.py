@@ -57,7 +57,7 @@ class LocatedKinks:
     branches: bool = False
     """Whether the kinks themselves become branches on these relations, for derivatives on one side of them."""
     numbers: tuple[int, ...] = ()
-    """Nodes of the stretch numbers of long tables (`acausal.analyse.events.table_stops`)."""
+    """Nodes of the stretch numbers of long tables (`acausal.analyse.events.time_events`)."""
 
 
 def located_kinks(

@@ -82,7 +82,7 @@ class StateEvents:
     assignments: tuple[Assignment, ...] = ()
     asserts: tuple[Assert, ...] = ()
     # Indices of those `relations` that make no event: kinks (`located_kinks.py`), and ends of stretches of tables
-    # (`table_stops.py`).
+    # (`time_events.py`).
     watched: frozenset[int] = frozenset()
     # Indices of those whose sides may stay equal for a while (`resting.py`).
     resting: frozenset[int] = frozenset()

@@ -2,15 +2,28 @@
 
 The run is divided there. Within a segment such a relation is a constant mode, and the right-hand side is smooth in time
 up to both ends. No solver has to discover a pulse: six of them return 0 for one of 10 ms.
+
+The ends of stretches of long tables are stops, too. A table of `slope * (time - origin)`, with both free of variables,
+is known before the run, and its stops depend on the tolerance. For a table of a variable, relations of the number of
+the current stretch locate them: a change at the end of a stretch may be over before the next step ends. The stretch
+number is the integer part (`floor`) of a piecewise linear function, so that two relations locate all ends of a table,
+whatever their number and the direction of passage. It occurs in no equation: the table itself stays one function
+(`acausal.lookup`), since ten thousand relations would be as many modes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
 
 from acausal.analyse.blocks.linear import LinearForm
-from acausal.flatten.pool import RELATIONS, Pool
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup, lookup
+from acausal.numeric.table_ends import stops, table_ends
 
 _AS_RELATION = {"min": "lt", "max": "gt"}
 _SWITCHED = frozenset((*RELATIONS, "min", "max", "fabs", "sign"))
@@ -99,3 +112,104 @@ def _branch(pool: Pool, op: str, args: tuple[int, ...]) -> tuple[int, int, tuple
     if op == "sign":
         return pool.where(relation, pool.one, pool.neg(pool.one)), relation, passage
     return pool.where(relation, a, b), relation, passage
+
+
+# Part of a stretch, from either end, in which its number has the slope of that end.
+_NEAR = 0.25
+
+
+def stretch_numbers(
+    pool: Pool, roots: Iterable[int], definitions: Mapping[int, int], relative: float
+) -> tuple[tuple[int, ...], int]:
+    """(Nodes of the stretch numbers of all tables of variables below `roots`, number of ends that are no stops).
+
+    `relative`: relative tolerance of the run.
+    """
+    found: dict[int, int] = {}
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        number = stack.pop()
+        op, *operands = pool.nodes[number]
+        # nodes below `floor` and `ceil` are constant between events
+        if number in seen or op in LEAVES or op in ("floor", "ceil"):
+            continue
+        seen.add(number)
+        stack += operands
+        table = op.external if isinstance(op, Call) else None
+        if not isinstance(table, Lookup) or is_of_time(pool, operands[0], definitions):
+            continue
+        ends = stops(table, relative).tolist() if len(table.coefficients[0]) > 1 else []
+        if ends:
+            place = _number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
+            found[place] = len(table_ends(table, relative)) - len(ends)
+    return tuple(found), sum(found.values())
+
+
+def _number(pool: Pool, argument: int, ends: list[float]) -> int:
+    places = lookup(*_line(ends), "stretch")
+    place = pool.make(Call(places, 0), argument)
+    inside = pool.make("min", pool.make("max", place, pool.const(0.5)), pool.const(len(ends) - 1.5))
+    return pool.make("floor", inside)
+
+
+def _line(ends: list[float]) -> tuple[list[float], list[tuple[float, float]]]:
+    """Breaks and rows of a piecewise linear function that equals k at end k, and has no kink there.
+
+    A run that stops at an end restarts within rounding of it, on either side, and predicts the relations by their
+    rates. If these jumped at the end, from stretches of 2e-4 s to one of 10 s by a factor of 50 000, a row would be
+    searched in ever smaller parts. So the slope at an end is that of its longer stretch, up to a quarter of the shorter
+    one.
+    """
+    lengths = np.diff(ends)
+    slopes = 1.0 / np.maximum(np.append(0.0, lengths), np.append(lengths, 0.0))
+    breaks, rows = [ends[0]], list[tuple[float, float]]()
+    for k, (a, b) in enumerate(pairwise(ends)):
+        near = _NEAR * (b - a)
+        left, right = k + near * slopes[k], k + 1.0 - near * slopes[k + 1]
+        steep = (right - left) / (b - a - 2.0 * near)
+        breaks += [a + near, b - near, b]
+        rows += [(float(k), float(slopes[k])), (float(left), float(steep)), (float(right), float(slopes[k + 1]))]
+    return breaks, rows
+
+
+@dataclass(frozen=True)
+class TimeTable:
+    """A table with the argument `slope * (time - origin)`, nodes in [1/s] and [s]."""
+
+    table: Lookup
+    origin: int
+    slope: int
+
+
+def time_tables(pool: Pool, roots: Iterable[int], definitions: Mapping[int, int]) -> tuple[TimeTable, ...]:
+    """All tables of time below `roots`, without repetitions; `definitions` maps variables to nodes."""
+    found: dict[TimeTable, None] = {}
+    for number in pool.reachable(roots):
+        op, *operands = pool.nodes[number]
+        if not isinstance(op, Call) or not isinstance(op.external, Lookup):
+            continue
+        argument = _of_time(pool, operands[0], definitions)
+        affine = None if argument is None else affine_in_time(pool, argument)
+        if affine is not None:
+            found[TimeTable(op.external, *affine)] = None
+    return tuple(found)
+
+
+def is_of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> bool:
+    """Whether a node is affine in time, with coefficients free of variables, or constant."""
+    argument = _of_time(pool, number, definitions)
+    return argument is not None and (
+        affine_in_time(pool, argument) is not None or pool.time not in pool.reachable([argument])
+    )
+
+
+def _of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> int | None:
+    """A node with its variables replaced by their definitions; None if one of them has none."""
+    while inside := pool.variables_in(number):
+        if not definitions.keys() >= inside:
+            return None
+        done: dict[int, int] = {}
+        pool.rewrite([number], definitions.__getitem__, done)
+        number = done[number]
+    return number

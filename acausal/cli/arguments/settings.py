@@ -17,7 +17,7 @@ from acausal.flatten.parameters import check_limits, check_overrides
 from acausal.language.component import Component
 from acausal.language.connections.freeing import free
 from acausal.language.declarations.declaration import Declaration, Kind
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 from acausal.units import convert
 
 # Commas between names, not those of R[0,1].

@@ -76,7 +76,7 @@ def start_values(compiled: CompiledModel) -> Start:
     """Consistent values at the start of the model's experiment; its own inputs have their defaults."""
     import numpy as np
 
-    from acausal.simulate.arguments import declared_input, parameter_vector
+    from acausal.simulate.options import declared_input, parameter_vector
     from acausal.simulate.start.initialize import initialize
 
     experiment = compiled.flat.experiment

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from acausal.cli.models.names import unit_of
 from acausal.cli.output.report import plural, quantity, remark, say, seconds, table
-from acausal.cli.run.clock import Clock
+from acausal.cli.run.progress import Clock
 
 if TYPE_CHECKING:
     from acausal.language.component import Component

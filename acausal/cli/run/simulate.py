@@ -16,8 +16,7 @@ from acausal.cli.arguments.outputs import check_picture, check_result_file
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare, seconds_of
 from acausal.cli.output.report import record, remark, say
-from acausal.cli.run.clock import Clock
-from acausal.cli.run.progress import ProgressBar
+from acausal.cli.run.progress import Clock, ProgressBar
 from acausal.cli.run.session import Session
 from acausal.errors import AcausalError, UsageError
 

@@ -21,9 +21,9 @@ from acausal.export.start_point import StartPoint, init_function, start_point
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import Method
 from acausal.flatten.text import to_text
+from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 
 def casadi_model(

@@ -20,9 +20,9 @@ import numpy as np
 import scipy.linalg
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 _RANK = 1e-9
 

@@ -17,8 +17,8 @@ import scipy.linalg
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.start.nearest import nearest_on_constraints
 

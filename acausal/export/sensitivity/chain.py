@@ -23,7 +23,7 @@ from acausal.export.sensitivity.saltation import Saltation
 from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.export.variation.element import Interval, Stiffness
 from acausal.export.variation.variation import Variation
-from acausal.lower.symbols import Symbols
+from acausal.lower.build import Symbols
 from acausal.simulate.driver.hybrid import Passage
 from acausal.simulate.driver.run import Run
 from acausal.simulate.equations.calls.buffered import BufferedFunction

@@ -20,8 +20,8 @@ from acausal.errors import ExportError
 from acausal.export.sensitivity.chain import Chain
 from acausal.flatten.pool import RELATIONS
 from acausal.flatten.text import to_text
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.events.guards import Moment
 

@@ -20,9 +20,8 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.sensitivity.slopes import Matrices, Slopes
-from acausal.lower.build import Builder
+from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import impulses
-from acausal.lower.symbols import Symbols
 from acausal.simulate.driver.hybrid import Hybrid, Passage
 from acausal.simulate.events.guards import as_one
 from acausal.simulate.events.regime import Regime

@@ -22,10 +22,9 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
-from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
-from acausal.simulate.options import options
+from acausal.simulate.options import input_vector, options, parameter_vector
 
 
 @dataclass(frozen=True, eq=False)

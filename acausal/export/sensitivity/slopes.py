@@ -11,8 +11,8 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.export.variation.slopes import memories
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.regime import Regime

@@ -16,9 +16,9 @@ from typing import Any
 import casadi as ca
 
 from acausal.export.step.methods import Method
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.round import Round
-from acausal.lower.symbols import Symbols
 from acausal.simulate.events.guards import LEAST
 
 # Relative error of states, in their values or nominal magnitudes, assumed when relations are evaluated.

@@ -31,18 +31,17 @@ from acausal.export.step.event_step import Settling, any_of
 from acausal.export.step.methods import IMPLICIT, Method
 from acausal.export.step.timely import TICK, ticks, timely
 from acausal.flatten.text import to_text
+from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.functions import AT_REST
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.active_set import Hold
 from acausal.simulate.events.guards import Guards, Moment
 from acausal.simulate.events.iteration import Iteration
-from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.events.sampling import clocks, due, users
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Tolerances
 
 _LOCATING = 6
 # Relative positions inside a part of a step at which guards are evaluated, and relative deviation from the cubic

@@ -25,9 +25,9 @@ from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import IMPLICIT, METHODS, Method
 from acausal.export.step.source import StepFunction
 from acausal.export.step.timely import at_end, inside, note, timely
+from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 # Unrolled factorisations grow with the cube of the number of unknowns.
 _MOST_UNKNOWNS = 60

@@ -11,8 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 # A clock counts as ticking at an instant to this share of its interval, and of the step.
 TICK = 1e-9

@@ -11,7 +11,7 @@ from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection, is_element
 from acausal.language.declarations.declaration import Kind
 from acausal.language.expressions.expression import Symbol
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 
 class UnionFind:

@@ -17,7 +17,7 @@ from acausal.flatten.pool import Pool
 from acausal.language.connections.connect import Connection, is_element, signal_of
 from acausal.language.declarations.declaration import Kind
 from acausal.language.expressions.expression import Expr, Symbol
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 Entry = tuple[int, str, int]
 """A scalar of a signal: instance, name, row-major index."""

@@ -17,7 +17,7 @@ from acausal.flatten.instances.instances import Instance, numbers
 from acausal.flatten.instances.statements import statements
 from acausal.language.component import Component, Connector
 from acausal.language.connections.overconstrained import Branch, PotentialRoot, Root
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 
 @dataclass(frozen=True)

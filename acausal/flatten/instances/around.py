@@ -8,7 +8,7 @@ from acausal.errors import DeclarationError
 from acausal.flatten.instances.instances import Instance, grow, instances
 from acausal.language.choices import Choice
 from acausal.language.component import Component
-from acausal.language.declarations.outer import Outer
+from acausal.language.declarations.parts import Outer
 
 
 def placed(model: Component, choices: Mapping[str, Choice] | None = None) -> tuple[list[Instance], tuple[str, ...]]:

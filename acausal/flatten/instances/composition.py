@@ -15,7 +15,7 @@ from acausal.flatten.instances.instances import Instance, numbers
 from acausal.flatten.instances.statements import Statement, statements
 from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 
 @dataclass(frozen=True, eq=False)

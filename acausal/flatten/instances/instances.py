@@ -11,7 +11,7 @@ from acausal.language.choices import Choice, is_changing
 from acausal.language.component import STATING, Component, Connector
 from acausal.language.declarations.declaration import Kind
 from acausal.language.declarations.misuse import Declared, own_constructor, refuse_misnamed
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 
 @dataclass(eq=False, slots=True)

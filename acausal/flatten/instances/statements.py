@@ -14,8 +14,7 @@ from acausal.language.declarations.misuse import called
 from acausal.language.events import Assertion, When
 from acausal.language.expressions.dimensions import check_dimensions
 from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_discrete
-from acausal.language.origin import Origin, origin_of
-from acausal.language.statement import Ledger, refuse_idle, refuse_lost, refuse_unheard, stepped
+from acausal.language.statement import Ledger, Origin, origin_of, refuse_idle, refuse_lost, refuse_unheard, stepped
 
 Statement = tuple[Any, Origin]
 

@@ -22,7 +22,7 @@ from acausal.flatten.scalars.scalarise import Scalars, layout, scalars
 from acausal.language.declarations.declaration import Kind
 from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation, Symbol, assigned, symbols_in
-from acausal.language.origin import Origin
+from acausal.language.statement import Origin
 
 # Constructs a FlatEquation in a third of the time of its Python constructor, which counts for every equation.
 _EQUATION = partial(tuple.__new__, FlatEquation)

@@ -14,8 +14,8 @@ from typing import Any
 
 from acausal.errors import DeclarationError, Span, calling_span
 from acausal.language.declarations.declaration import Declaration, Owner
-from acausal.language.declarations.outer import Outer
-from acausal.language.origin import Origin
+from acausal.language.declarations.parts import Outer
+from acausal.language.statement import Origin
 
 
 def refuse_hiding(cls: type[Owner], inherited: dict[str, Declaration | Outer[Any]]) -> None:

@@ -18,10 +18,9 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.collector import collector_paused
-from acausal.lower.build import BUILD
+from acausal.lower.build import BUILD, Symbols
 from acausal.lower.columns.patterns import CONSTANT, Column, Patterns, Stage, patterns
 from acausal.lower.lowered import Lowered
-from acausal.lower.symbols import Symbols
 
 # Nodes from which on the search is made, the mean length of columns, and the share of nodes that are in them.
 LEAST, _MEAN, _SHARE = 1000, 100, 0.7

@@ -15,11 +15,10 @@ from acausal.analyse.events.state_events import origins
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.errors import Span
 from acausal.flatten.text import to_text
-from acausal.lower.build import Builder
+from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import struck
 from acausal.lower.events.round import round_of
 from acausal.lower.lowered import Lowered
-from acausal.lower.symbols import Symbols
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
 # Relative rounding error of an instant and of the sides of its relation.

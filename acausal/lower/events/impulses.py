@@ -23,8 +23,8 @@ import casadi as ca
 from acausal.analyse.events.state_events import Clause
 from acausal.errors import StructureError
 from acausal.flatten.pool import IMPULSE
+from acausal.lower.build import Symbols
 from acausal.lower.lowered import Lowered
-from acausal.lower.symbols import Symbols
 from acausal.reduce.cone import loops
 
 _NOTHING = 1e-11

@@ -23,10 +23,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from acausal.lower.build import Symbols
 from acausal.lower.events.impulses import impulses, impulses_of
 from acausal.lower.lowered import Lowered
-from acausal.lower.symbols import Symbols
-from acausal.structure.levels import levels
+from acausal.structure.blt import levels
 
 _NAMES_IN = ["t", "x", "z", "u", "p", "m", "was", "decided", "level"]
 

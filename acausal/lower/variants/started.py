@@ -1,4 +1,9 @@
-"""Variant of a compiled model with other start values: only its start problem is built again."""
+"""Variants of a compiled model with other start values, or with some inputs as functions of time.
+
+Of other start values only the start problem is built again. An input over time is data, not part of the model: over
+each stretch of a run it is a polynomial whose coefficients are modes, like those of delayed signals. Other data are
+other coefficients, and nothing is compiled again.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +19,7 @@ from acausal.flatten.parameters import entries
 from acausal.flatten.reduced import ReducedSystem
 from acausal.language.declarations.declaration import Declaration
 from acausal.lower.cache.cache import replaced
+from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 
 _Values = tuple[tuple[int, float], ...]
@@ -112,3 +118,17 @@ def _unknown(compiled: CompiledModel, path: str, variables: Mapping[str, object]
         evidence=[f"did you mean {', '.join(close)}?"] if close and path not in parameters else [],
         help=f"parameters={{'{path}': ...}}, or --set {path}=..." if path in parameters else None,
     )
+
+
+_DRIVEN_CACHE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], CompiledModel]] = WeakKeyDictionary()
+
+
+def with_driven(compiled: CompiledModel, places: tuple[int, ...]) -> CompiledModel:
+    """The model whose inputs at these indices of u are functions of time; cached by model and indices."""
+    if not places:
+        return compiled
+    variants = _DRIVEN_CACHE.setdefault(compiled, {})
+    if places not in variants:
+        lowered = lower(compiled.solution, places)
+        variants[places] = replace(lowered, selection=compiled.selection, timings=dict(compiled.timings))
+    return variants[places]

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 from acausal.analyse.events.located_kinks import MOST, LocatedKinks, located_kinks
 from acausal.analyse.events.state_events import discrete_variables
-from acausal.analyse.events.table_stops import stretch_numbers
+from acausal.analyse.events.time_events import stretch_numbers
 from acausal.flatten.pool import RELATIONS
 from acausal.flatten.text import to_text
 from acausal.language.expressions.external import Call

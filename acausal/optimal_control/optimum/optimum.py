@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.nlp import Solution

@@ -10,18 +10,17 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.export.start_point import input_start
-from acausal.lower.chebyshev import INPUT_WIDTH
+from acausal.lower.build import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.variants.driven import with_driven
+from acausal.lower.variants.started import with_driven
 from acausal.optimal_control.receding.controller import Controller
 from acausal.result.result import Result
-from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.inputs.pieces import Pieces, steps
 from acausal.simulate.interrupt import interruptible
-from acausal.simulate.options import options
+from acausal.simulate.options import input_vector, options, parameter_vector
 from acausal.simulate.record.record import Recorder
 
 Estimate = Callable[[float, Mapping[str, float]], Mapping[str, float]]

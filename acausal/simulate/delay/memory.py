@@ -28,8 +28,7 @@ from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.record.record import Recorder
-from acausal.simulate.solvers.segment import Piece, Segment
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 
 # Breaks of higher derivatives are left to the solvers, whose order is at most five.
 _LAST_ORDER = 5

@@ -28,9 +28,8 @@ from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import pace
 from acausal.simulate.solvers.recovery import RECOVERY_STEPS
-from acausal.simulate.solvers.segment import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 from acausal.simulate.start.initialize import Start
-from acausal.simulate.tolerances import Tolerances
 
 Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)

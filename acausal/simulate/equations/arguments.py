@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from acausal.analyse.events.by_modes import KINKS, deciding_relation, sides
 from acausal.analyse.events.steep import Base, Kind
 from acausal.arrays import Vector
-from acausal.lower.build import BUILD
+from acausal.lower.build import BUILD, Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.equations.levels import Levels
 

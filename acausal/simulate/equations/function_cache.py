@@ -11,10 +11,10 @@ from weakref import WeakKeyDictionary, ref
 import casadi as ca
 import numpy as np
 
-from acausal.analyse.events.table_stops import TimeTable, time_tables
+from acausal.analyse.events.time_events import TimeTable, time_tables
 from acausal.arrays import Vector
+from acausal.lower.build import DefiningBuilder, Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import DefiningBuilder, Symbols
 from acausal.simulate.equations.calls.buffered import BufferedFunction, Columns, NarrowFunction
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.native.equations import parametric

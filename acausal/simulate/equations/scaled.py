@@ -20,7 +20,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
-from acausal.simulate.equations.calls.in_columns import InColumns, in_columns
+from acausal.simulate.equations.calls.columns import InColumns, in_columns
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
 from acausal.simulate.native.columns import is_long

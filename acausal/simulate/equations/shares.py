@@ -20,8 +20,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 # Singular values, by the largest one, that are zero; what is left of a bordered slope at least.

@@ -15,7 +15,7 @@ from acausal.lower.events.functions import AT_REST as AT_REST
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Tolerances
 
 # Instants are told apart by this share of the run, or of the time, which is a hundred of its roundings.
 INSTANT, _ROUNDINGS = 1e-12, 2e-14

@@ -23,10 +23,9 @@ from acausal.lower.events.round import Round
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.events.active_set import Hold
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
 from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, as_one
-from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
 

@@ -18,11 +18,10 @@ import numpy as np
 from acausal.analyse.events.state_events import Clause
 from acausal.lower.events.impulses import impulses
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.active_set import Hold
 from acausal.simulate.events.errors import accumulated
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, as_one
 from acausal.simulate.events.iteration import Happened
-from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.regime import Hold, Regime
 
 # So many events of one relation, none to be told from the next in time, are an accumulation without a state of rest.
 _ENDLESS = 40

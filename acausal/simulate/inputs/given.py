@@ -14,16 +14,16 @@ from acausal.arrays import Vector
 from acausal.errors import AcausalError, UnitError, UsageError
 from acausal.flatten.parameters import check_limit
 from acausal.language.declarations.declaration import Declaration
-from acausal.lower.chebyshev import INPUT_WIDTH
+from acausal.lower.build import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.stretches import variation
 from acausal.result.files import READERS
 from acausal.result.result import Result
 from acausal.result.seconds import seconds
 from acausal.result.series import TimeSeries, read_series
-from acausal.simulate.arguments import input_vector
 from acausal.simulate.inputs.pieces import Pieces, held, sampled, straight
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.options import input_vector
+from acausal.simulate.solvers.segment import Tolerances
 from acausal.units import ambiguous, convert, format_dimension, in_si, parse
 
 # Share of the tolerance by which an input may be off, by the size of its variation.

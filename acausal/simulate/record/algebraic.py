@@ -14,7 +14,7 @@ from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.raw import rows
 from acausal.simulate.equations.function_cache import functions_of
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Tolerances
 
 _MOST = 8
 # A step of Newton's method that is as small leaves an error of the order of its square.

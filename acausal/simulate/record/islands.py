@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from acausal.arrays import Indices, Vector
-from acausal.simulate.tolerances import Tolerances
+from acausal.simulate.solvers.segment import Tolerances
 
 _ORDER = 16
 _POINTS = np.cos(np.pi * (np.arange(_ORDER + 1) + 0.5) / (_ORDER + 1))

@@ -15,9 +15,9 @@ import numpy as np
 
 from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compile import refined
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.numeric.samples import Visited
 
 if TYPE_CHECKING:

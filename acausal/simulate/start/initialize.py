@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -9,9 +10,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.analyse.blocks.solve import solve
 from acausal.arrays import Vector
 from acausal.diagnose.words import counted, listed, made_at
-from acausal.errors import InitializationError
+from acausal.errors import AcausalError, InitializationError
+from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.shares import Shares
@@ -19,7 +22,6 @@ from acausal.simulate.record.project import constraints
 from acausal.simulate.start.errors import contradicting, left_open, not_found, off_constraint, undefined
 from acausal.simulate.start.finite import UNDEFINED, first_undefined
 from acausal.simulate.start.nearest import nearest_start, unreachable
-from acausal.simulate.start.torn_start import torn_start
 
 _MOST_BLOCKS = 200
 _LARGEST_RANK = 200
@@ -478,3 +480,35 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
         where=made_at(compiled.flat, ""),
         cause=UNDEFINED,
     )
+
+
+Starter = Callable[[CompiledModel, float, Vector, Vector, Vector], tuple[Vector, Vector]]
+"""`(compiled, t, p, u, m) -> (x, z)`: the start problem; raises InitializationError."""
+
+
+def torn_start(
+    compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector, start: Starter
+) -> tuple[Vector, Vector] | None:
+    """States and algebraic variables as the torn form of the same model starts; None where there is no such help."""
+    solution = compiled.solution
+    if all(block.kind != "dae" for block in solution.blocks):
+        return None
+    try:
+        torn = lower(solve(solution.structure))
+        if _relations(torn) != _relations(compiled):
+            return None
+        x, z = start(torn, t, p, u, m)
+    except AcausalError:
+        return None
+    pool = solution.structure.reduced.pool
+    values = np.array(torn.observe(t, x, z, u, p, m)).ravel()
+    known = dict(zip(torn.columns, values, strict=True))
+    found = [known.get(pool.var(v), np.nan) for v in (*compiled.state_variables, *solution.algebraic)]
+    if not np.isfinite(found).all():
+        return None
+    return np.array(found[: len(x)]), np.array(found[len(x) :])
+
+
+def _relations(compiled: CompiledModel) -> tuple[object, ...]:
+    events = compiled.state_events
+    return compiled.time_events.relations, events.samples, events.memories, events.flags, events.relations

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 Conditions = Callable[[Vector], tuple[Vector, Vector]]
 """`(x) -> (values, slope)`, shapes (k,) and (k, nx)."""

@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 # Steps, relative to the unknowns, and residuals, relative to those at the guesses and what unknowns can make of them,

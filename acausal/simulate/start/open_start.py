@@ -22,9 +22,8 @@ from acausal.analyse.analyse import preference
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.arrays import Vector
 from acausal.flatten.reduced import ReducedSystem, nominal
-from acausal.lower.build import Builder
+from acausal.lower.build import Builder, Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.start.nearest import shortest, sizes_of
 

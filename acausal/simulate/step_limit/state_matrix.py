@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Complex, Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.simulate.equations.calls.raw import rows
 
 LARGEST_DENSE = 400

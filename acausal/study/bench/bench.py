@@ -20,7 +20,7 @@ from acausal.flatten.flat import suffixes
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.arguments import input_vector
+from acausal.simulate.options import input_vector
 from acausal.simulate.options import options as run_options
 from acausal.simulate.solvers import solver_named
 from acausal.study.bench import case as defaults

@@ -18,11 +18,11 @@ from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_starts
 from acausal.result.result import Result
-from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import given_inputs
 from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import options as run_options
+from acausal.simulate.options import parameter_vector
 from acausal.simulate.run import simulate
 from acausal.study.fit.dataset import Dataset, Measured, columns_of, driving_columns, measured
 

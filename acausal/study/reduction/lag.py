@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 from acausal.result.result import Result
 
 _MOST_POINTS = 400

@@ -15,9 +15,9 @@ from acausal.arrays import Vector
 from acausal.errors import AcausalError, InitializationError, IntegrationError
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
-from acausal.simulate.arguments import input_vector, parameter_vector
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.options import options as run_options
 from acausal.simulate.run import simulate
 

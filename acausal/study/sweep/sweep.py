@@ -23,8 +23,8 @@ from acausal.lower.compiled import CompiledModel
 from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
 from acausal.result.signals import Signal
-from acausal.simulate.arguments import parameter_vector
 from acausal.simulate.native.policy import expect
+from acausal.simulate.options import parameter_vector
 from acausal.simulate.record.record import Described
 from acausal.study.sweep.cluster import cluster
 from acausal.study.sweep.family import Progress, Report, Sweep, sweep_from

@@ -21,8 +21,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.symbols import Symbols
 
 _Point = tuple[float, Vector, Vector, Vector, Vector, Vector]
 _ROUNDING, _SAME = 1e-8, 1e-6

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
-from acausal.simulate.solvers.segment import Segment
+from acausal.simulate.solvers.segment import Segment, Tolerances
 from acausal.simulate.step_limit.amplification import METHODS, Method
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
-from acausal.simulate.tolerances import Tolerances
 from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
 
