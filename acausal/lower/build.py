@@ -21,6 +21,7 @@ from acausal.flatten.pool import IMPULSE, LEAVES, Pool
 from acausal.language.expressions.delay import Delayed
 from acausal.language.expressions.external import Call, External
 from acausal.language.expressions.functions import UNARY
+from acausal.lower.chebyshev import INPUT_WIDTH, polynomial
 from acausal.lower.lowered import Lowered
 from acausal.numeric.external import call
 
@@ -223,29 +224,6 @@ class Builder:
         if scalars:
             self._append(scalars, ca.vertcat(*(self.done[n] for n in scalars)))
         return self._values[[self._place[n] for n in members]]
-
-
-INPUT_DEGREE = 7
-"""Degree of the polynomial of an input over one stretch."""
-
-INPUT_WIDTH = INPUT_DEGREE + 3
-"""Number of modes that hold one input over time, in the same order as those of a delay."""
-
-SLACK = 1e-3
-"""How far a polynomial is extrapolated beyond its window, in half widths."""
-
-
-def polynomial(window: Any, instant: Any) -> Any:
-    """The signal at an instant, by Clenshaw's recurrence.
-
-    `window`: column of degree + 3 entries: the middle of the stretch, the reciprocal of its half width, the
-    coefficients.
-    """
-    s = ca.fmin(ca.fmax((instant - window[0]) * window[1], -1 - SLACK), 1 + SLACK)
-    high, higher = ca.SX(0), ca.SX(0)
-    for k in range(window.numel() - 3, 0, -1):
-        high, higher = window[2 + k] + 2 * s * high - higher, high
-    return window[2] + s * high - higher
 
 
 class Symbols:

@@ -19,7 +19,7 @@ from acausal.arrays import Vector
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.reduced import nominal
 from acausal.language.component import Component
-from acausal.lower.build import INPUT_WIDTH
+from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.reduce.select import Selection
 

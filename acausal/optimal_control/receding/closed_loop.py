@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.export.start_point import input_start
-from acausal.lower.build import INPUT_WIDTH
+from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_driven
 from acausal.optimal_control.receding.controller import Controller

@@ -14,7 +14,7 @@ from acausal.arrays import Vector
 from acausal.errors import AcausalError, UnitError, UsageError
 from acausal.flatten.parameters import check_limit
 from acausal.language.declarations.declaration import Declaration
-from acausal.lower.build import INPUT_WIDTH
+from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.stretches import variation
 from acausal.result.files import READERS

@@ -15,7 +15,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import UsageError
-from acausal.lower.build import INPUT_DEGREE, INPUT_WIDTH
+from acausal.lower.chebyshev import INPUT_DEGREE, INPUT_WIDTH
 from acausal.simulate.equations.chebyshev import between, fitted, value
 
 Signal = Callable[[Vector], Vector]
