@@ -3,17 +3,20 @@
 Draws the work-precision charts of docs/speed-and-accuracy.md, writes their data beside them, and the page itself.
 
     python benchmarks/charts.py [--only ThickBlock,Andrews] [--repeat 5] [--time-limit 10]
+    python benchmarks/charts.py --redraw        charts and page again from the data beside them, without a measurement
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from scenes import BouncingBall, SpatialChain
 
 import acausal
@@ -22,8 +25,13 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.ivp.andrews_squeezer import AndrewsSqueezer
 from acausal.models.rc_ladder import RCLadder
+from acausal.study.bench.accuracy.distance import Distance
+from acausal.study.bench.accuracy.reference import Reference
+from acausal.study.bench.accuracy.trajectory import Trajectory
+from acausal.study.bench.case import Case
 from acausal.study.bench.chart import bench_chart
 from acausal.study.bench.report import Bench
+from acausal.study.bench.run import COUNTERS, Run, generic
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 IMAGES = DOCS / "images"
@@ -112,12 +120,44 @@ def drawn(scene: Scene, repeat: int, limit: float) -> Bench:
         progress=lambda text: print(text, file=sys.stderr),
         **scene.options,
     )
-    trusted = f"reference: {found.reference.source}, {found.reference.trusted_digits:.1f} digits trusted"
-    bench_chart(found, IMAGES / f"{scene.file}.png", title=f"{scene.title}\n{trusted}")
+    draw(scene, found)
     (IMAGES / f"{scene.file}.json").write_text(
         json.dumps(plain({**found.record(), "best": best(found)}), indent=0) + "\n"
     )
     return found
+
+
+def draw(scene: Scene, found: Bench) -> None:
+    trusted = f"reference: {found.reference.source}, {found.reference.trusted_digits:.1f} digits trusted"
+    bench_chart(found, IMAGES / f"{scene.file}.png", title=f"{scene.title}\n{trusted}")
+
+
+def read(data: dict[str, Any]) -> Bench:
+    """The bench that was written as `data`, with what its chart needs."""
+    told = data["reference"]
+    none = Trajectory(np.zeros(0), (), np.zeros((0, 0)))
+    reference = Reference(none, np.zeros(0), told["trusted_digits"], told["source"])
+    head = {name: data[name] for name in ("model", "start_time", "stop_time", "repeat", "times", "machine")}
+    runs = tuple(run(row) for row in data["runs"])
+    return Bench(runs=runs, reference=reference, components=tuple(data["components"]), **head)
+
+
+def run(row: dict[str, Any]) -> Run:
+    case = Case(row["solver"], row["formulation"], row["tolerance"], row["step"])
+    if row["failed"]:
+        return Run(case, row["failure"])
+    found = Distance(
+        end=row["end_error"],
+        series=row["error"],
+        scd=row["scd"],
+        mescd=row["mescd"],
+        absolute=row["absolute_error"],
+        worst=row["worst"],
+        phase=row["phase_error"],
+    )
+    counters = {name: row[name] for name in COUNTERS if row[name] is not None}
+    solve = row["solve_time"] if row["solve_time"] is not None else math.nan
+    return Run(case, "", found, solve, counters=counters, constraint_drift=row["constraint_drift"])
 
 
 def best(found: Bench) -> list[dict[str, Any]]:
@@ -154,7 +194,10 @@ def section(scene: Scene, data: dict[str, Any]) -> str:
         form = "" if row["formulation"] == "torn" else f", {row['formulation']}"
         cost = f"{1e3 * row['solve_time']:.3g} | {1e3 * row['cost']:.3g}"
         lines.append(f"| {row['accuracy']:g} | {row['solver']}, {knob}{form} | {row['error']:.1e} | {cost} |")
-    failures = {(r["series"], r["failure"].split(" at ")[0]) for r in data["runs"] if r["failed"]}
+    failures: dict[str, dict[str, None]] = {}
+    for r in data["runs"]:
+        if r["failed"]:
+            failures.setdefault(generic(r["failure"]), {})[r["series"]] = None
     times, machine = data["times"], data["machine"]
     compiled = ", ".join(
         f"{k.removeprefix('compile ')} {1e3 * v:.0f} ms" for k, v in times.items() if "compile" in k and v
@@ -164,7 +207,7 @@ def section(scene: Scene, data: dict[str, Any]) -> str:
     )
     lines += ["", f"Compile times: {compiled}" + (f"; C code: {native}." if native else ".")]
     if failures:
-        told = "; ".join(f"{who}: {why}" for who, why in sorted(failures))
+        told = "; ".join(f"{why} ({'; '.join(who)})" for why, who in failures.items())
         lines += ["", f"Failed: {told}."]
     lines += ["", f"Times are the best of {data['repeat']}; {machine['cores']} cores, load {machine['load']}.", ""]
     return "\n".join(lines)
@@ -189,7 +232,7 @@ This page shows such charts for six models. `python benchmarks/charts.py` writes
   supports it (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: everything). The column "with start"
   adds the creation of integrators and the computation of start values.
 - **Symbols**: hollow squares are fixed steps, dashed lines `dae`, dotted lines `projected`. Crosses on the upper edge
-  are failures, numbered as below the picture.
+  are failures, numbered as in the list beside the panels.
 - Other programs shared the two cores: trust ratios, not milliseconds. CasADi {casadi.CasadiMeta.version()}.
 
 """
@@ -206,11 +249,14 @@ def main() -> None:
     parser.add_argument("--only", default="", help="names of scenes, separated by commas")
     parser.add_argument("--repeat", type=int, default=5)
     parser.add_argument("--time-limit", type=float, default=10.0, help="of a single run [s]")
+    parser.add_argument("--redraw", action="store_true", help="draw the data on disk instead of measuring")
     options = parser.parse_args()
     everything = scenes()
     wanted = options.only.split(",") if options.only else [s.name for s in everything]
     for scene in everything:
-        if scene.name in wanted:
+        if scene.name in wanted and options.redraw:
+            draw(scene, read(json.loads((IMAGES / f"{scene.file}.json").read_text())))
+        elif scene.name in wanted:
             found = drawn(scene, options.repeat, options.time_limit)
             print(json.dumps({"scene": scene.name, "best": plain(best(found)), "times": plain(dict(found.times))}))
     PAGE.write_text(page(everything))

@@ -130,11 +130,11 @@ def draw(exhibits: Sequence[Exhibit], file: Path) -> None:
                 y,
                 style,
                 color=color,
-                lw=1.8 if ours else 1.3,
+                lw=2.2 if ours else 1.3,
                 marker=marker,
                 ms=3.5,
                 label=case.method,
-                zorder=2 + ours,
+                zorder=3 - ours,  # below: what agrees with it stays visible as dashes on it
             )
             if case.fails and len(t):
                 ax.plot(t[-1], y[-1], "x", color=color, ms=7, mew=1.8, zorder=4)
@@ -147,7 +147,7 @@ def draw(exhibits: Sequence[Exhibit], file: Path) -> None:
         ax.set_title(f"{exhibit.title}\n({exhibit.scene})", loc="left", fontsize=9)
         ax.set_xlabel(exhibit.x, fontsize=8)
         ax.set_ylabel(exhibit.y, fontsize=8)
-        ax.tick_params(labelsize=7.5)
+        ax.tick_params(which="both", labelsize=7.5)
         ax.grid(color="0.92", lw=0.6)
         ax.legend(fontsize=6.8, loc="best", framealpha=0.9)
     for ax in axes[len(exhibits) :]:

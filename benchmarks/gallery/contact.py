@@ -179,7 +179,7 @@ def absolute_tolerance() -> Exhibit:
     return Exhibit(
         "abstol", "One absolute tolerance for all units", "DrillDynamic",
         "An absolute tolerance of 1e-6 is strict for volts and loose for metres.",
-        cases, x="absolute tolerance for all states", y="error of s(10) [m]", log="xy",
+        cases, x="absolute tolerance for all states [m, m/s]", y="error of s(10) [m]", log="xy",
         done="Absolute tolerances follow the nominal value of each variable.",
     )  # fmt: skip
 
@@ -202,7 +202,7 @@ def wind_up() -> Exhibit:
     return Exhibit(
         "wind-up", "Wind-up of the target depth in free air", "WindUp",
         "At 50 mm/s the damper alone moves the target depth before there is contact.",
-        cases, x="time [ms]", y="target depth [um]", done="There is no force without contact, and touch is an event.",
+        cases, x="time [ms]", y="target depth [µm]", done="There is no force without contact, and touch is an event.",
     )  # fmt: skip
 
 

@@ -53,7 +53,7 @@ def drift() -> Exhibit:
     return Exhibit(
         "drift", "Constraint drift after index reduction", "PendulumDrift",
         "After two differentiations of the constraint only an ODE remains, and the length of the rod drifts.",
-        cases, y="|x² + y² - 1|", log="y",
+        cases, y="|x² + y² - 1| [1]", log="y",
         done="Stabilisation keeps all levels of the constraint, and every recorded point is projected onto them.",
     )  # fmt: skip
 
@@ -80,7 +80,8 @@ def static_state() -> Exhibit:
     return Exhibit(
         "static-state", "Fixed choice of states", "PendulumStaticState",
         "With the states (y, vy) and x = sqrt(1 - y²), the integration cannot pass the lowest point.",
-        cases, y="x", done="No fixed choice is safe, so the solver integrates x, y and their rates together.",
+        cases, y="position x [1]",
+        done="No fixed choice is safe, so the solver integrates x, y and their rates together.",
     )  # fmt: skip
 
 
@@ -103,7 +104,8 @@ def index3() -> Exhibit:
     return Exhibit(
         "index3-direct", "Direct integration of the index-3 form", "PendulumDirect",
         "A BDF code with x² + y² = 1 as its algebraic equation fails at the start or soon after.",
-        cases, y="x", done="The compiler finds the constraint, differentiates it, and names it in the verdict.",
+        cases, y="position x [1]",
+        done="The compiler finds the constraint, differentiates it, and names it in the verdict.",
     )  # fmt: skip
 
 
@@ -140,6 +142,6 @@ def inconsistent() -> Exhibit:
     return Exhibit(
         "inconsistent", "Inconsistent start", "PendulumInconsistent",
         "A start that violates the derivative of the constraint runs without a message; a poor guess stops the run.",
-        cases, y="length of the rod",
+        cases, y="length of the rod [1]",
         done="The start is a system of its own: contradicting conditions are named, and poor guesses converge.",
     )  # fmt: skip

@@ -46,7 +46,7 @@ def undamped() -> Exhibit:
     return Exhibit(
         "undamped", "Undamped oscillator with BDF", "UndampedOscillator",
         "BDF of order 1, 2 and 5 damps the oscillation; order 3 amplifies it.",
-        cases, y="|amplitude - 1|", log="y", limits=(1e-8, 3.0),
+        cases, y="|amplitude - 1| [1]", log="y", limits=(1e-8, 3.0),
         done="The verdict predicts the factor of every order from the characteristic equation, and recommends `erk`.",
     )  # fmt: skip
 
@@ -80,7 +80,7 @@ def fast_slow() -> Exhibit:
     return Exhibit(
         "fast-slow", "Fast undamped mode around a slow solution", "FastSlow",
         "The solution is cos t. A mode 10 000 times faster dictates the steps of explicit methods and of BDF.",
-        cases, x="length of the run [s]", y="steps", log="xy",
+        cases, x="length of the run [s]", y="number of steps", log="xy",
         done="The verdict finds the mode that the solution does not follow. An L-stable one-step method damps it.",
     )  # fmt: skip
 
@@ -108,7 +108,8 @@ def ringing() -> Exhibit:
     return Exhibit(
         "ringing", "Trapezoidal ringing", "Ringing",
         "A-stability is not enough: with R = -0.9996 the start error alternates almost undamped.",
-        cases, y="y", done="Use L-stable methods. The verdict states how much of a fast error is left after one step.",
+        cases, y="y [1]",
+        done="Use L-stable methods. The verdict states how much of a fast error is left after one step.",
     )  # fmt: skip
 
 
@@ -153,7 +154,8 @@ def order_reduction() -> Exhibit:
     return Exhibit(
         "order-reduction", "Order reduction on a stiff scalar problem", "OrderReduction",
         "On a stiff component methods lose their order. Methods that are not stiffly accurate lose accuracy, too.",
-        cases, x="step [s]", y="error at t = 1", log="xy", done="`rosenbrock` and `collocation` are stiffly accurate.",
+        cases, x="step [s]", y="error of y(1 s) [1]", log="xy",
+        done="`rosenbrock` and `collocation` are stiffly accurate.",
     )  # fmt: skip
 
 
@@ -203,7 +205,8 @@ def quaternion() -> Exhibit:
     return Exhibit(
         "quaternion-drift", "Quaternion norm", "QuaternionDrift",
         "The norm of an integrated quaternion drifts like any amplitude.",
-        cases, y="||q| - 1|", log="y", done="|q| = 1 is a constraint of the model, which is stabilised and projected.",
+        cases, y="||q| - 1| [1]", log="y",
+        done="|q| = 1 is a constraint of the model, which is stabilised and projected.",
     )  # fmt: skip
 
 
@@ -238,6 +241,6 @@ def invariant() -> Exhibit:
     return Exhibit(
         "invariant", "Invariant lost to rounding", "E5",
         "y2 - y3 - y4 = 0, and y2 - y3 is below the rounding error of the integrated variables.",
-        cases, y="y2", log="xy", limits=(1e-26, 1e-8),
+        cases, y="y2 [1]", log="xy", limits=(1e-26, 1e-8),
         done="The compiler finds the linear invariant and computes y2 from it instead of integrating it.",
     )  # fmt: skip

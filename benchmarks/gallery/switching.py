@@ -46,7 +46,7 @@ def zeno() -> Exhibit:
     return Exhibit(
         "zeno", "Bouncing ball, infinitely many impacts", "ZenoBall",
         "Infinitely many impacts occur before t = 4.0637 s.",
-        cases, x="impact", y="time left to the accumulation point [s]", log="xy",
+        cases, x="number of the impact", y="time left to the accumulation point [s]", log="xy",
         done="When impacts change the velocity by less than the tolerance, the body comes to rest.",
     )  # fmt: skip
 
@@ -65,7 +65,8 @@ def friction() -> Exhibit:
     return Exhibit(
         "friction-stop", "Coulomb friction, sticking", "FrictionStop",
         "sign(v) makes the body stick. Solvers chatter on it, and a smooth substitute creeps.",
-        cases, y="x", done="The body sticks: the run slides along the switch until the force leaves the friction cone.",
+        cases, y="position x [1]",
+        done="The body sticks: the run slides along the switch until the force leaves the friction cone.",
     )  # fmt: skip
 
 
@@ -86,7 +87,8 @@ def pulse() -> Exhibit:
     return Exhibit(
         "missed-pulse", "Pulse shorter than the step", "MissedPulse",
         "A pulse of 10 ms in 10 s falls between two steps.",
-        cases, y="x", done="Sources announce their switching times, and the run stops exactly there.",
+        cases, y="x, the integral of the pulse [1]",
+        done="Sources announce their switching times, and the run stops exactly there.",
     )  # fmt: skip
 
 
@@ -116,7 +118,7 @@ def bang_bang() -> Exhibit:
     return Exhibit(
         "bang-bang", "Discontinuous right-hand side", "BangBang",
         "Across an unknown switch a method of any order has order 1.",
-        cases, y="error of the energy", log="y",
+        cases, y="error of the energy [1]", log="y",
         done="The run locates the switch and integrates each branch smoothly.",
     )  # fmt: skip
 

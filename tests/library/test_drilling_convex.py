@@ -124,7 +124,7 @@ def test_mpr_tells_overlap_and_normal() -> None:
 
 
 class SolidBlock(ThickBlock):
-    """The scene S32 with the block as a convex body."""
+    """`ThickBlock` with the block as a convex body."""
 
     def build(self) -> None:
         super().build()
@@ -133,7 +133,7 @@ class SolidBlock(ThickBlock):
 
 
 def test_the_levels_agree_in_the_dynamic_scene() -> None:
-    """DRILLING.md asks for 1e-7 m in S32; and neither takes more steps than the other by a tenth."""
+    """The depths differ by at most 1e-7 m, and neither takes more steps than the other by a tenth."""
     plate, solid = acausal.simulate(ThickBlock()), acausal.simulate(SolidBlock())
     times = np.linspace(0.0, 40.0, 81)
     np.testing.assert_allclose(solid.at(times, "drill.s"), plate.at(times, "drill.s"), atol=1e-7)

@@ -45,8 +45,8 @@ from acausal.simulate.solvers.step_by_step import step_by_step
 TOLERANCE_SHARE = 0.1
 """Share of the tolerance that solvers get for their local errors: end errors are about ten times as large.
 
-On S32 at 1e-8 IDAS pays 40 % more steps and gains a factor of 40 in the depth at 40 s; methods of order 5 pay 1.6 times
-the steps, and every published initial value problem ends below ten times the tolerance (docs/ivp-table.md).
+On `ThickBlock` at 1e-8 IDAS pays 40 % more steps and gains a factor of 40 in the depth at 40 s; methods of order 5 pay
+1.6 times the steps, and every published initial value problem ends below ten times the tolerance (docs/ivp-table.md).
 """
 
 SMOOTH_SHARE = 0.01

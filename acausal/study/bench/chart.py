@@ -185,7 +185,10 @@ def _limits(axes: Axes, bench: Bench) -> None:
 
 
 def _failures(axes: Axes, bench: Bench) -> None:
-    """Crosses on the upper edge, at the requested tolerance; failed fixed steps at the left."""
+    """Crosses on the upper edge, at the requested tolerance; failed fixed steps at the left.
+
+    One for each solver, place and reason: the list beside the panels names every run.
+    """
     bottom, top = axes.get_ylim()
     failed = [r for r in bench.runs if r.failure]
     if not failed:
@@ -193,28 +196,31 @@ def _failures(axes: Axes, bench: Bench) -> None:
     order = list(bench.failures())
     axes.set_ylim(bottom, top * (top / bottom) ** 0.16)
     low, high = sorted(axes.get_xlim())
-    seen: dict[float, int] = {}
-    for run in failed:
-        x = run.case.tolerance if run.case.tolerance is not None else high / (high / low) ** 0.02
-        k = seen[x] = seen.get(x, 0) + 1
-        y = 1.0 - 0.022 * (k - 1)
+    left = high / (high / low) ** 0.02
+    marks = dict.fromkeys(
+        (run.case.tolerance or left, run.case.solver, order.index(generic(run.failure)) + 1) for run in failed
+    )
+    count: dict[float, int] = {}
+    for x, solver, number in marks:
+        k = count[x] = count.get(x, 0) + 1
+        y = 1.0 - 0.03 * (k - 1)
         axes.plot(
             x,
             y,
             "x",
-            color=_COLORS.get(run.case.solver, "0.3"),
+            color=_COLORS.get(solver, "0.3"),
             transform=axes.get_xaxis_transform(),
             markersize=5,
             markeredgewidth=1.4,
             clip_on=False,
         )
         axes.annotate(
-            str(order.index(generic(run.failure)) + 1),
+            str(number),
             (x, y),
             xycoords=axes.get_xaxis_transform(),
             xytext=(4, -2.5),
             textcoords="offset points",
-            fontsize=5.5,
+            fontsize=6.5,
             color="0.3",
             annotation_clip=False,
         )
