@@ -84,9 +84,9 @@ def flatten(
     connected = _connections({**composites, **leaves.connecting()})
     physical, signals = joints(connected, number_of)
     check_signals(found, signals)
-    elements = element_joints(found, connected, signals, number_of)
     cut = freed_signals(model, found)
-    signals, elements = cut_joints(signals, cut), cut_elements(elements, cut)
+    elements = cut_elements(element_joints(found, connected, signals, number_of), cut)
+    signals = cut_joints(signals, cut)
     tree = spanning_tree(found, physical, number_of)
     pool = Pool()
     variables = allocate(pool, found, physical, signals, tree.cut)
@@ -99,13 +99,12 @@ def flatten(
     equations = cut_equations(pool, found, equations, cut)
     inputs = input_scalars(found, builder.open)
     discrete = places(found, inputs)
-    equations += constancy(pool, discrete)
-    equations += builder.inputs(signals, elements)
+    equations += constancy(pool, discrete) + builder.inputs(signals, elements)
     check_assigned(builder.assignments, builder.whens, discrete, inputs)
     junctions = flow_sets(found, physical)
     refuse_open(found, junctions)
-    equations += builder.flow_equations(junctions)
-    equations += builder.residuals([physical[k] for k in sorted(tree.cut)])
+    cuts = [physical[k] for k in sorted(tree.cut)]
+    equations += builder.flow_equations(junctions) + builder.residuals(cuts)
     starts, surplus = builder.starts()
     initial = builder.initial_equations() + surplus
     fill_starts(pool, starts, discrete)
@@ -130,7 +129,7 @@ def flatten(
         experiment=type(model).experiment,
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
         loops=tree.loops,
-        notes=(*added, *_cuts(found, [physical[k] for k in sorted(tree.cut)])),
+        notes=(*added, *_cuts(found, cuts)),
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated(i.component for i in found)

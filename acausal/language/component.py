@@ -18,6 +18,7 @@ from acausal.language.declarations.declaration import Declaration, Kind, Owner
 from acausal.language.declarations.declare import Real, checked_shape, checked_value, parameter, structural
 from acausal.language.declarations.experiment import Experiment
 from acausal.language.declarations.misuse import (
+    annotation_of,
     assignment,
     called,
     checked_structural,
@@ -161,7 +162,7 @@ class Component(Owner):
                     "AC114",
                     f"{cls.__name__}: part '{name}' was not made",
                     where=(*calling_span(), *declared_at(cls, name)),
-                    help=f"make it in `build`: self.{name} = {_annotation_of(cls, name)}",
+                    help=f"make it in `build`: self.{name} = {annotation_of(cls, name)}",
                 )
 
     def _decided(self, name: str, declaration: Declaration) -> Any:
@@ -269,13 +270,13 @@ class Component(Owner):
             value = list(value)
         members = value if isinstance(value, list) else [value]
         prototype, wanted = self._prototypes.get(name), declared_class(type(self), name)
-        is_one = wanted is not None and members is value and _annotation_of(type(self), name)[0] != "["
+        is_one = wanted is not None and members is value and annotation_of(type(self), name)[0] != "["
         for k, member in enumerate(members):
             if not isinstance(member, Component):
                 raise DeclarationError(
                     "AC116",
                     f"{type(self).__name__}: part '{name}' cannot be {member!r} ({type(member).__name__})",
-                    help=f"it takes {_annotation_of(type(self), name)}",
+                    help=f"it takes {annotation_of(type(self), name)}",
                 )
             member._refuse_unmade()
             owner = member.__dict__["_owner"]
@@ -297,7 +298,7 @@ class Component(Owner):
                     "AC116",
                     f"{type(self).__name__}: part '{name}' is one {wanted.__name__}, not a list",
                     where=(*calling_span(), *declared_at(type(self), name)),
-                    help=f"make {_annotation_of(type(self), name)}, or declare it as list[{wanted.__name__}]",
+                    help=f"make {annotation_of(type(self), name)}, or declare it as list[{wanted.__name__}]",
                 )
             if wanted is not None and not isinstance(member, wanted):
                 raise DeclarationError(
@@ -305,9 +306,9 @@ class Component(Owner):
                     f"{type(self).__name__}: part '{name}' is declared as {wanted.__name__}, "
                     f"{type(member).__name__} is none",
                     where=(*calling_span(), *declared_at(type(self), name)),
-                    help=f"make {_annotation_of(type(self), name)}, or declare a class that both derive from"
+                    help=f"make {annotation_of(type(self), name)}, or declare a class that both derive from"
                     if prototype is None
-                    else f"a part is replaced by one of its declared class: {_annotation_of(type(self), name)}",
+                    else f"a part is replaced by one of its declared class: {annotation_of(type(self), name)}",
                 )
             if member.__dict__["_owner"] is not None and member.__dict__["_owner"][0] is not self:
                 owner, its_name = member.__dict__["_owner"]
@@ -541,19 +542,6 @@ def _annotation_for(value: Declaration | Component | Outer[Component]) -> str:
     return {Kind.PART: "...", Kind.STRUCTURAL: "int"}.get(value.kind, "Real")
 
 
-def _annotation_of(cls: type[Component], name: str) -> str:
-    """How a part is made, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
-    for base in cls.__mro__:
-        found = inspect.get_annotations(base).get(name)
-        if found is not None:
-            members = getattr(found, "__args__", ())  # an annotation is text, a class or list[class]
-            is_text = isinstance(found, str)
-            text = found if is_text else getattr(found, "__name__", str(found))
-            inner = text[5:-1] if is_text and text.startswith("list[") else members[0].__name__ if members else ""
-            return f"[{inner}(...), ...]" if inner else f"{text}(...)"
-    return "..."
-
-
 def _is_parts(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and isinstance(value[0], Component)
 
@@ -596,7 +584,7 @@ def _not_made_yet(cls: type[Component], name: str) -> DeclarationError:
         "AC114",
         f"{cls.__name__}: part '{name}' is not made yet",
         cause="defaults of parameters are worked out before `build` makes the parts",
-        help=f"bind the other way round, in `build`: self.{name} = {_annotation_of(cls, name)} with own parameters",
+        help=f"bind the other way round, in `build`: self.{name} = {annotation_of(cls, name)} with own parameters",
     )
 
 

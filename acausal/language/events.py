@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from acausal.errors import DeclarationError
 from acausal.language.declarations.declare import check_discrete
 from acausal.language.expressions.arrays import fill
+from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.expression import (
     Expr,
     Operand,
     Symbol,
     as_expr,
     checked_condition,
-    is_discrete,
     shape_text,
 )
 from acausal.language.statement import Statement, made, used

@@ -109,19 +109,12 @@ def simulate(
         return Pieces(recipe, chosen, recipe.parameters, _piece(inputs, start, chosen, force), progress).result()
     compiled = _compiled(model, parameters, outputs if recipe is None else None)
     compiled = with_starts(compiled, start) if start else compiled
-    if accuracy is not None and max_step is not None:
-        raise UsageError("AC043", "accuracy and max_step exclude each other", help="the bench chooses the steps")
+    own = parameters if isinstance(model, CompiledModel) else None
     if accuracy is not None:
-        own = parameters if isinstance(model, CompiledModel) else None
-        run: dict[str, object] = {"start_time": start_time, "stop_time": stop_time, "parameters": own, "inputs": inputs}
-        run |= {"native": native, "force": force}
-        made: Result = provided("simulated_to_accuracy")(
-            compiled, accuracy, solver, tolerance, step, run, output_interval, progress
-        )
+        more = {"parameters": own, "inputs": inputs, "force": force}
+        made: Result = provided("simulated_to_accuracy")(compiled, accuracy, asked, more, progress)
         return made
-    chosen = options(compiled.flat.experiment, **asked)
-    given = parameters if isinstance(model, CompiledModel) else None
-    return _result(compiled, chosen, given or {}, inputs or {}, progress, force)
+    return _result(compiled, options(compiled.flat.experiment, **asked), own or {}, inputs or {}, progress, force)
 
 
 def _result(

@@ -35,7 +35,8 @@ from acausal import (
 from acausal.flatten.pool import Pool
 from acausal.flatten.scalars.scalarise import scalars
 from acausal.flatten.text import to_text
-from acausal.language.expressions.expression import is_condition, is_discrete
+from acausal.language.expressions.conditions import is_discrete
+from acausal.language.expressions.expression import is_condition
 from tests.language.evaluating import value
 
 

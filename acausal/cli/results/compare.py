@@ -102,11 +102,7 @@ def compare(
             }
         )
     elif not quiet:
-        rows = [
-            (d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s", f"{d.rms:.3g}", d.unit)
-            for d in found[:count]
-        ]
-        table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
+        _listed(found[:count])
         alone = len(set(a.names) ^ set(b.names))
         verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
         say(
@@ -122,6 +118,13 @@ def compare(
             remark(f"wrote {picture}")
     if bad or short:
         raise typer.Exit(OUT_OF_TOLERANCE)
+
+
+def _listed(found: list[Deviation]) -> None:
+    rows = [
+        (d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s", f"{d.rms:.3g}", d.unit) for d in found
+    ]
+    table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
 
 
 def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[Deviation]:

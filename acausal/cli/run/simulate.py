@@ -100,17 +100,10 @@ def simulate(
     compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation, choices=choices or None)
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock, units)
-    result = _run(
-        session,
-        quiet,
-        {
-            **times,
-            # a model of changing structure is compiled again and again during its run
-            **({"model": prepared.model, "parameters": prepared.parameters} if choices else {"model": compiled}),
-            **{"tolerance": tolerance, "accuracy": accuracy, "solver": solver, "native": native, "force": force},
-            **{"inputs": given, "start": starts},
-        },
-    )
+    # a model of changing structure is compiled again and again during its run
+    run = {"model": prepared.model, "parameters": prepared.parameters} if choices else {"model": compiled}
+    run |= {"tolerance": tolerance, "accuracy": accuracy, "solver": solver, "native": native, "force": force}
+    result = _run(session, quiet, {**run, **times, "inputs": given, "start": starts})
     if choices and real_time_factor:
         whole = compile(prepared.model, parameters=prepared.parameters, formulation=formulation)
         compiled = whole.unchanging("a compiled fixed step")

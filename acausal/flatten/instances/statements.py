@@ -12,8 +12,9 @@ from acausal.language.declarations.declaration import Kind
 from acausal.language.declarations.declare import check_discrete
 from acausal.language.declarations.misuse import called
 from acausal.language.events import Assertion, When
+from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.dimensions import check_dimensions
-from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_discrete
+from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned
 from acausal.language.statement import Ledger, Origin, origin_of, refuse_idle, refuse_lost, refuse_unheard, stepped
 
 Statement = tuple[Any, Origin]

@@ -19,7 +19,8 @@ from acausal.flatten.pool import Pool
 from acausal.flatten.scalars.differentiate import differentiate
 from acausal.language.component import Component, Connector
 from acausal.language.declarations.declaration import Declaration, Kind
-from acausal.language.expressions.expression import Expr, Symbol, is_condition, is_discrete
+from acausal.language.expressions.conditions import is_discrete
+from acausal.language.expressions.expression import Expr, Symbol, is_condition
 from acausal.language.expressions.external import Call
 
 Scalars = tuple[int, ...]

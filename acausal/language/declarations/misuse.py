@@ -268,3 +268,16 @@ def _declaring_line(start: Span, name: str) -> tuple[Span, ...]:
         if declares.search(text):
             return (Span(start.file, number),)
     return (start,)
+
+
+def annotation_of(cls: type[Owner], name: str) -> str:
+    """How a part is made, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
+    for base in cls.__mro__:
+        found = inspect.get_annotations(base).get(name)
+        if found is not None:
+            members = getattr(found, "__args__", ())  # an annotation is text, a class or list[class]
+            is_text = isinstance(found, str)
+            text = found if is_text else getattr(found, "__name__", str(found))
+            inner = text[5:-1] if is_text and text.startswith("list[") else members[0].__name__ if members else ""
+            return f"[{inner}(...), ...]" if inner else f"{text}(...)"
+    return "..."

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from acausal.errors import DeclarationError
 from acausal.language.expressions.expression import (
+    CONDITIONS,
     Expr,
     Operand,
     Operation,
@@ -14,10 +15,27 @@ from acausal.language.expressions.expression import (
     as_expr,
     checked_condition,
     is_condition,
-    is_discrete,
     shape_error,
     symbols_in,
 )
+
+
+def is_discrete(e: Expr) -> bool:
+    """True for an expression that changes at events only: discrete variables, relations, and functions of these."""
+    stack = [e]
+    seen: set[int] = set()
+    while stack:
+        here = stack.pop()
+        if id(here) in seen or here.op in CONDITIONS:
+            continue
+        seen.add(id(here))
+        if isinstance(here, Symbol):
+            if not here.declaration.discrete and here.declaration.kind.value != "parameter":
+                return False
+        elif here.op in ("time", "der", "delay", "noevent", "call"):
+            return False
+        stack.extend(here.args)
+    return True
 
 
 def pre(x: Operand) -> Expr:

@@ -422,24 +422,6 @@ def checked_condition(e: object, example: str = "x > 0", *, several: bool = Fals
     raise DeclarationError("AC108", f"`{e}` {fact}", help=remedy)
 
 
-def is_discrete(e: Expr) -> bool:
-    """True for an expression that changes at events only: discrete variables, relations, and functions of these."""
-    stack = [e]
-    seen: set[int] = set()
-    while stack:
-        here = stack.pop()
-        if id(here) in seen or here.op in CONDITIONS:
-            continue
-        seen.add(id(here))
-        if isinstance(here, Symbol):
-            if not here.declaration.discrete and here.declaration.kind.value != "parameter":
-                return False
-        elif here.op in ("time", "der", "delay", "noevent", "call"):
-            return False
-        stack.extend(here.args)
-    return True
-
-
 _ELEMENTWISE = "it works on scalars and, element by element, on vectors of one length"
 _SHAPES = {
     "+": "both need one shape; only a literal number adapts: fill(x, n) repeats a scalar",

@@ -22,36 +22,37 @@ _log = logging.getLogger(__name__)
 def simulated_to_accuracy(
     compiled: CompiledModel,
     accuracy: float,
-    solver: str | None,
-    tolerance: float | None,
-    step: float | None,
-    options: Mapping[str, Any],
-    output_interval: float | None,
+    asked: Mapping[str, Any],
+    more: Mapping[str, object],
     progress: Callable[[float, float], None] | None,
 ) -> Result:
     """Result of the cheapest run with an error of at most `accuracy`; its `stats` tell how it was found.
 
     Parameters
     ----------
-    solver
-        If given, only its tolerances are tried.
-    options
-        Options of `simulate` that are common to all runs.
+    asked
+        Times, solver and `native` as `simulate` takes them, None where open. Of a given solver only tolerances are
+        tried.
+    more
+        Parameters, inputs and `force` of all runs.
 
     Raises
     ------
     UsageError
-        AC041 for an accuracy outside (0, 1), AC043 if a tolerance or a step is given too.
+        AC041 for an accuracy outside (0, 1), AC043 if a tolerance, a step or a longest step is given too.
     IntegrationError
         AC410 without a reference, AC411 if no run reaches the accuracy.
     """
     if not 0 < accuracy < 1:
         raise UsageError("AC041", f"accuracy {accuracy:g} is not between 0 and 1")
-    if tolerance is not None or step is not None:
-        other = "tolerance" if tolerance is not None else "step"
-        raise UsageError("AC043", f"accuracy and {other} exclude each other", help="the bench finds the tolerance")
-    advice = for_accuracy(compiled, accuracy, solver, options)
-    result = simulate(compiled, **{**options, **advice.options}, output_interval=output_interval, progress=progress)
+    others = {"tolerance": "the bench finds the tolerance", "step": "the bench finds the tolerance"}
+    for other, remedy in {**others, "max_step": "the bench chooses the steps"}.items():
+        if asked[other] is not None:
+            raise UsageError("AC043", f"accuracy and {other} exclude each other", help=remedy)
+    run = {**more, **{name: asked[name] for name in ("start_time", "stop_time", "native")}}
+    advice = for_accuracy(compiled, accuracy, asked["solver"], run)
+    interval = asked["output_interval"]
+    result = simulate(compiled, **{**run, **advice.options}, output_interval=interval, progress=progress)
     stats = {**result.stats, "reason": f"{advice.text}, for an accuracy of {accuracy:g}", "accuracy": advice.record()}
     return replace(result, stats=stats)
 
