@@ -101,7 +101,9 @@ def simulate(
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock, units)
     # a model of changing structure is compiled again and again during its run
-    run = {"model": prepared.model, "parameters": prepared.parameters} if choices else {"model": compiled}
+    run: dict[str, Any] = {"model": compiled}
+    if choices:
+        run = {"model": prepared.model, "parameters": prepared.parameters}
     run |= {"tolerance": tolerance, "accuracy": accuracy, "solver": solver, "native": native, "force": force}
     result = _run(session, quiet, {**run, **times, "inputs": given, "start": starts})
     if choices and real_time_factor:
