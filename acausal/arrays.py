@@ -1,4 +1,9 @@
-"""Types of arrays; their shapes are said where they stand."""
+"""Types of arrays.
+
+Functions of a compiled model take `(t, x, z, u, p, m)`: the time [s], states (nx,), algebraic variables (nz,), inputs
+(nu,), parameters (np,) and modes (nm,), in SI units and in the order of `CompiledModel.states`, `algebraic`, `inputs`,
+`parameters` and `modes`. At n instants they have a column for each: x is (nx, n). Docstrings name all other shapes.
+"""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ def coil(radius: float, turns: int = 8) -> Mesh:
 
 
 def tube(line: Array, radius: float, corners: int = 6) -> Mesh:
-    """Around a line of points, open at its ends."""
+    """Around a line of points [m], shape (n, 3), open at its ends."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     frames = along(tangent)

@@ -54,7 +54,7 @@ def page(
 
 
 def packed(values: NDArray[Any], precision: str = "<f4") -> str:
-    """Numbers as base64 text, little-endian; single precision unless told otherwise. What is not finite is nan."""
+    """Numbers of any shape, row by row, as little-endian base64 text; what is not finite becomes nan."""
     data = np.asarray(values, dtype=float)
     data = np.where(np.isfinite(data), data, np.nan)
     with np.errstate(over="ignore"):

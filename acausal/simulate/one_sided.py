@@ -36,7 +36,7 @@ class OneSided(NamedTuple):
 def one_sided(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
 ) -> OneSided | None:
-    """The first such equation that turns at this point."""
+    """The first equation that stops, or begins, to determine its unknown at this point; None where none does."""
     structure = compiled.solution.structure
     reduced = structure.reduced
     rows = [e for block in structure.blocks for e in block.rows]

@@ -105,7 +105,7 @@ def _at_zero(flat: FlatSystem, roots: list[int], leaves: Mapping[str, Any]) -> N
 
 
 def null_vectors(matrix: Any) -> tuple[list[Vector], list[Vector]]:
-    """Left and right null vectors of a sparse matrix, each with as few entries as a simple reduction finds."""
+    """Left and right null vectors of a sparse matrix, as entries by index: few, as a simple reduction finds them."""
     m, n = matrix.shape
     if not m or not n:
         return ([{i: 1.0} for i in range(m)], [{k: 1.0} for k in range(n)])
@@ -117,7 +117,10 @@ def null_vectors(matrix: Any) -> tuple[list[Vector], list[Vector]]:
 def sparse_null_vectors(
     rows: NDArray[np.int64], columns: NDArray[np.int64], entries: NDArray[np.float64], n: int
 ) -> tuple[list[Vector], list[Vector]]:
-    """Left and right null vectors of a large square matrix; a regular one costs one factorisation."""
+    """Left and right null vectors of a large square matrix; a regular one costs one factorisation.
+
+    The matrix, shape (n, n), is given by places and values of its entries, each of shape (n_entries,).
+    """
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import splu
 

@@ -95,8 +95,9 @@ def _condition(slope: Vector, columns: Sequence[int]) -> float:
 def on_constraints(
     compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vector, m: Vector, held: Sequence[int]
 ) -> Start:
-    """The point on the constraints nearest to a point; states at the places `held` stay, those with a fixed start if
-    that is possible.
+    """The point on the constraints nearest to `start`.
+
+    States at the indices `held` keep their values; so do those with a fixed start, where that is possible.
 
     Raises ExportError: AC609 where there is none.
     """

@@ -64,7 +64,8 @@ def schedule(
 ) -> Schedule:
     """The schedule over `instants`, with outputs on `grid` and at every instant.
 
-    No step is longer than `longest`, and than the bound of the `tables`.
+    `instants`, `grid`: Times [s], ascending, of any number each.
+    `tables`, `longest`: No step is longer than the bound of these tables and than this [s].
     """
     a, b = instants[:-1], instants[1:]
     margin = _MARGIN * (b - a)
@@ -98,7 +99,7 @@ KNOWN: tuple[Known, ...] = (
 def known_instants(
     compiled: CompiledModel, p: Vector, inputs: Inputs, start: float, stop: float, cuts: Vector | None = None
 ) -> Vector:
-    """Start, the instants known in advance inside the run and further `cuts`, each once, and stop."""
+    """Start, the instants known in advance inside the run and further `cuts`, and stop [s], ascending, each once."""
     least = max(_APART * (stop - start), _ROUNDING * max(abs(start), abs(stop)))
     known = [times(compiled, p, inputs, start, stop) for times in KNOWN]
     found = np.unique(np.concatenate(known if cuts is None else [*known, cuts]))

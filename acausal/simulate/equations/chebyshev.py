@@ -14,7 +14,7 @@ from acausal.arrays import Vector
 
 @cache
 def points(degree: int) -> Vector:
-    """The extrema of the polynomial of that degree on [-1, 1], ascending."""
+    """The extrema of the polynomial of that degree on [-1, 1], ascending, shape (degree + 1,)."""
     found = -np.cos(np.pi * np.arange(degree + 1) / degree)
     found[0], found[-1] = -1.0, 1.0
     return found
@@ -22,7 +22,7 @@ def points(degree: int) -> Vector:
 
 @cache
 def transform(degree: int) -> Vector:
-    """The matrix from values at `points` to coefficients."""
+    """The matrix from values at `points` to coefficients, shape (degree + 1, degree + 1)."""
     return np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(points(degree), degree)), dtype=np.float64)
 
 
@@ -38,7 +38,7 @@ def fitted(values: Vector) -> Vector:
 
 
 def between(a: float, b: float, degree: int) -> Vector:
-    """The points on [a, b], whose ends are exact."""
+    """The points on [a, b], shape (degree + 1,); both ends are exact."""
     found = 0.5 * (a + b) + 0.5 * (b - a) * points(degree)
     found[0], found[-1] = a, b
     return found

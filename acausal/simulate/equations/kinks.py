@@ -85,7 +85,7 @@ def _others(instants: Vector, known: Vector, near: float) -> Vector:
 
 
 def time_ends(compiled: CompiledModel, p: Vector, relative: float) -> list[Vector]:
-    """The instants at which stretches of each table of time end, ascending [s]."""
+    """The instants [s] at which stretches end, ascending: an array of any length for each table of time."""
     tables = functions_of(compiled).time_tables
     if not tables:
         return []

@@ -37,7 +37,7 @@ def users(compiled: CompiledModel, sample: int) -> list[Clause]:
 
 
 def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) -> Vector:
-    """All instants of samples between two times."""
+    """All instants of samples between two times [s], clock by clock."""
     return np.concatenate([np.zeros(0), *(_ticks(*clock, start, stop) for clock in clocks(compiled, p))])
 
 

@@ -71,12 +71,12 @@ def held(times: Vector, values: Vector) -> Pieces:
 
 
 def steps(times: Vector, values: Vector) -> Pieces:
-    """A piece between each two of n + 1 instants, with n values that may be equal."""
+    """A constant piece between each two of n + 1 instants [s]; `values` has shape (n,)."""
     return _joined([(a, b, v) for (a, b), v in zip(pairwise(times.tolist()), values[:, None], strict=True)])
 
 
 def straight(times: Vector, values: Vector, error: float) -> Pieces:
-    """Straight lines through all points, or what comes within `error` of them with fewer breaks."""
+    """Straight lines through n points, both arrays of shape (n,), or polynomials within `error` of them, if fewer."""
     parts: list[tuple[float, float, Vector]] = []
     doubles = (np.flatnonzero(np.diff(times) == 0.0) + 1).tolist()
     for first, last in zip([0, *doubles], [*doubles, len(times)], strict=True):

@@ -40,7 +40,10 @@ def projected(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: V
 def projection(
     compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
 ) -> Projection | None:
-    """The same, with what it took; None without constraints."""
+    """Rows of a run moved onto the constraints, with the changes that this took; None without constraints.
+
+    `times`, `x`, `z`, `m`: Of n rows, shapes (n,), (nx, n), (nz, n) and (nm, n), or (nm,) where modes stay.
+    """
     if not compiled.solution.structure.invariants or not len(times):
         return None
     scale, before, drift = compiled.nominal_x, x, None

@@ -220,7 +220,7 @@ def make_result(
     stats: dict[str, object],
     dense: Callable[[Vector], Vector] | None,
 ) -> Result:
-    """The result of what was recorded."""
+    """The result of what was recorded; `dense` gives all values at further times."""
     return replace(_table(recorder, recorder.shown()), events=events, stats=stats, dense=dense)
 
 
@@ -342,7 +342,7 @@ class _Variables(Mapping[str, Signal]):
 
 
 def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vector) -> list[float]:
-    """Values of parameter expressions of the flat pool."""
+    """Values [SI] of these expressions of the flat pool, which depend on the parameters `p` alone."""
     pool = compiled.flat.pool
     simple = [pool.nodes[n] for n in nodes]
     if all(s[0] == "par" for s in simple):

@@ -52,7 +52,7 @@ def attainable(problem: Problem, segment: Segment, convergence: float) -> dict[s
 
 
 def units(problem: Problem, segment: Segment) -> Vector | None:
-    """What to divide scaled algebraic variables by for a method that tests their errors against one tolerance.
+    """Divisors, shape (nz,), of scaled algebraic variables for a method that tests all errors against one tolerance.
 
     IDA leaves them out of its test, as they follow from the states, which have theirs, and are put onto their equations
     where they are recorded. In a test of all, the acceleration of a drill at rest between forces of kilonewtons has to

@@ -36,7 +36,7 @@ def contradicting(
     """AC302: a condition that does not hold when all the others do.
 
     `off`: By how much the value, or the left side of the equation, is too large.
-    `x`, `p`: States as the other conditions make them, and parameters.
+    `x`, `p`: States as the other conditions make them, shape (nx,), and parameters.
     """
     given = _value(compiled, condition, p)
     own = f"{condition.text} ", f"d/dt ({condition.text})"
@@ -71,7 +71,7 @@ def off_constraint(
     """AC302: a constraint, or its derivative, that the start does not satisfy.
 
     `off`: Left side minus right side.
-    `x`, `p`: States as far as they were found, and parameters.
+    `x`, `p`: States as far as they were found, shape (nx,), and parameters.
     """
     others = _others(compiled, condition, x, p)
     return InitializationError(

@@ -43,7 +43,9 @@ class Start:
 
 
 def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
-    """Solve the start conditions together with the algebraic equations; decides relations of variables within `m`.
+    """Solve the start conditions together with the algebraic equations.
+
+    Modes of relations of variables, and states of discrete variables, are decided on the way and written into `m`.
 
     Raises InitializationError: AC301 when Newton's method and continuation both fail, AC304 when that is because
     conditions depend on each other, AC302 when conditions contradict each other, or no state satisfies all constraints
@@ -264,7 +266,7 @@ def _solved(
 
 
 def consistent(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector, m: Vector) -> Start:
-    """Algebraic variables for given states, after an event: the restart problem, never the initial one."""
+    """Algebraic variables for the states of `start`, which stay: the problem after an event, not that of the start."""
     if not len(start.z):
         return start
     newton = functions_of(compiled).newton()

@@ -36,9 +36,9 @@ _REACH = 3.0  # longest step, by the largest of the values: an angle is not turn
 def nearest_start(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, held: Collection[int]
 ) -> Vector | None:
-    """States that satisfy all start conditions, as near to `x` as can be.
+    """States (nx,) that satisfy all start conditions, as near to `x` as possible.
 
-    States with a fixed start, and those at the places `held`, stay. None where the conditions involve algebraic
+    States with a fixed start, and those at the indices `held`, stay. None where the conditions involve algebraic
     variables, or no such states are found.
     """
     s = Symbols(compiled)
@@ -53,7 +53,7 @@ def nearest_start(
 def nearest_on_constraints(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, held: Collection[int]
 ) -> Vector | None:
-    """States that satisfy the stabilised constraints, as near to `x` as can be; those at the places `held` stay."""
+    """States (nx,) on the stabilised constraints, as near to `x` as possible; those at the indices `held` stay."""
     return _nearest(compiled, _conditions(compiled.constraints, t, z, u, p, m), x, held)
 
 
@@ -115,9 +115,10 @@ def _nearest(compiled: CompiledModel, conditions: Conditions, x: Vector, held: C
 
 
 def shortest(conditions: Conditions, x: Vector, free: list[int], scale: Vector) -> Vector | None:
-    """Values that satisfy conditions, by shortest steps of those at the places `free`, whose magnitudes are `scale`.
+    """Values that satisfy the conditions, shape (n,), by shortest steps from `x` of those at the indices `free`.
 
-    Conditions may depend on each other where they agree. None where no such values are found.
+    `scale`: Their magnitudes, shape of `free`, by which lengths of steps are measured.
+    Conditions may depend on each other where they agree. Returns None where no such values are found.
     """
     x = x.copy()
     values, slope = _at(conditions, x, free, scale)

@@ -153,7 +153,7 @@ class StepLimit:
 
 
 def participation(matrix: Vector, mode: complex) -> Vector:
-    """Share of each state in the mode next to `mode`; sums to 1.
+    """Share of each state in the eigenvalue of a matrix, shape (n, n), next to `mode`; shape (n,), sums to 1.
 
     |left eigenvector entry * right eigenvector entry|, which does not depend on units (I. J. Perez-Arriaga,
     G. C. Verghese, F. C. Schweppe, IEEE Trans. PAS-101 (1982) 3117).

@@ -36,7 +36,12 @@ def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tu
 
 
 def interpolated(nodes: Vector, values: Vector, times: Vector, count: int) -> tuple[Vector, Vector]:
-    """Values by Lagrange's formula through the nearest nodes, and the sums of the sizes of its weights."""
+    """Values by Lagrange's formula through the nearest nodes, and the sums of the magnitudes of its weights.
+
+    `nodes`, `values`: Ascending instants, shape (n,), and the values there, shape (n, k).
+    `times`, `count`: Where values are wanted, shape (m,), and the number of nodes for each.
+    Returns arrays of shapes (m, k) and (m,).
+    """
     low = np.clip(np.searchsorted(nodes, times) - count // 2, 0, len(nodes) - count)
     chosen = low[:, None] + np.arange(count)
     near = nodes[chosen]

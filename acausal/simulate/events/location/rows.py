@@ -16,7 +16,7 @@ _BESIDE = 0.2
 
 
 def nearest(times: Vector, found: Vector) -> NDArray[np.intp]:
-    """The places of the nearest times, which ascend, to some instants."""
+    """Indices of the times, ascending, shape (n,), nearest to the instants `found`, shape (m,)."""
     k = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
     return np.asarray(k - (found - times[k - 1] <= times[k] - found))
 
