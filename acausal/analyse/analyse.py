@@ -9,8 +9,7 @@ from math import comb
 import numpy as np
 
 from acausal.diagnose.balance import balance
-from acausal.diagnose.differentiated import differentiated_input, refuse_if_singular, undetermined
-from acausal.diagnose.loops import redundant_constraints
+from acausal.diagnose.constraints import differentiated_input, redundant_constraints, refuse_if_singular, undetermined
 from acausal.diagnose.modes import refuse_changing_structure
 from acausal.flatten.connections.connections import UnionFind
 from acausal.flatten.reduced import ReducedSystem

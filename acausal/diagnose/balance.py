@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from acausal.diagnose.causes import probable
 from acausal.diagnose.components import unbalanced_component
-from acausal.diagnose.loops import overconstrained_loop
+from acausal.diagnose.constraints import overconstrained_loop
 from acausal.diagnose.words import component_of, counted, hint, label, lines, listed, made_at, names_of, places
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, span_of

@@ -16,17 +16,20 @@ from acausal.flatten.connections.connections import (
     joints,
     refuse_open,
 )
-from acausal.flatten.connections.elements import ElementJoint, Entry, element_equations, element_joints
-from acausal.flatten.connections.freeing import (
+from acausal.flatten.connections.orientation import spanning_tree
+from acausal.flatten.connections.signals import (
+    ElementJoint,
+    Entry,
     Signal,
     cut_elements,
     cut_equations,
     cut_joints,
+    element_equations,
+    element_joints,
     freed_signals,
     input_scalars,
     open_inputs,
 )
-from acausal.flatten.connections.orientation import spanning_tree
 from acausal.flatten.delays import delays
 from acausal.flatten.discrete import asserts, assignments, check_assigned, constancy, fill_starts, places
 from acausal.flatten.flat import (

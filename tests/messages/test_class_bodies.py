@@ -24,7 +24,7 @@ from acausal import (
     when,
 )
 from acausal.analyse.aliases import reduce
-from acausal.diagnose.differentiated import undetermined
+from acausal.diagnose.constraints import undetermined
 from acausal.flatten.flatten import flatten
 from acausal.library import translational
 from acausal.library.multibody import Body

@@ -22,10 +22,10 @@ from acausal.errors import ExportError
 from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import impulses
+from acausal.simulate.driver.agenda import due
 from acausal.simulate.driver.hybrid import Hybrid, Passage
 from acausal.simulate.events.guards import as_one
 from acausal.simulate.events.regime import Regime
-from acausal.simulate.events.sampling import due
 
 # Step back at which the rate of a guard is compared, relative to the run and to the time scale of the states.
 _BACK = 1e-6

@@ -35,12 +35,12 @@ from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.functions import AT_REST
+from acausal.simulate.driver.agenda import clocks, due, users
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Guards, Moment
 from acausal.simulate.events.iteration import Iteration
 from acausal.simulate.events.regime import Hold, Regime
-from acausal.simulate.events.sampling import clocks, due, users
 from acausal.simulate.solvers.segment import Tolerances
 
 _LOCATING = 6

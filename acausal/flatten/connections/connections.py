@@ -64,7 +64,7 @@ def joints(
     signals: list[SignalJoint] = []
     for by, connection, origin in connections:
         if any(is_element(end) for end in connection.ends):
-            continue  # acausal.flatten.connections.elements
+            continue  # acausal.flatten.connections.signals
         first = connection.ends[0]
         for other in connection.ends[1:]:
             if isinstance(first, Symbol) and isinstance(other, Symbol):

@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.flatten.pool import LEAVES
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.events.sampling import clocks
+from acausal.simulate.driver.agenda import clocks
 from acausal.simulate.inputs.given import given_inputs
 from acausal.simulate.options import Options
 from acausal.simulate.options import options as run_options
