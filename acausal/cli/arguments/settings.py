@@ -90,7 +90,7 @@ def number_in(flag: str, text: str, value: str, declared: Declaration | None) ->
 
 
 def listed(texts: Sequence[str] | None) -> list[str]:
-    """Names in texts `A,B`, which may stand several times; commas inside of `R[0,1]` part nothing."""
+    """Names from texts `A,B` of a repeatable option; commas inside `R[0,1]` do not separate names."""
     return [name.strip() for text in texts or () for name in _COMMA.split(text) if name.strip()]
 
 
@@ -114,7 +114,7 @@ class _Definition(Origin):
 
 
 def _once(flag: str, pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Values by name, none of them twice: which one was meant, nobody knows (AC003)."""
+    """Values by name; AC003 for a name that is given twice."""
     found: dict[str, str] = {}
     for name, value in pairs:
         if name in found:
@@ -190,7 +190,7 @@ def _element(path: str) -> tuple[str, tuple[int, ...] | None]:
 
 
 def _value(path: str, text: str, declaration: Declaration) -> Any:
-    """A float, or the entries of an array, row-major; one number fills a field, but no vector of space."""
+    """A float, or the entries of an array, row-major; one number fills a field, but not a vector in space."""
     if not declaration.shape:
         return _scalar(path, text, declaration)
     body = re.sub(r"[\[\]()]", " ", text)
@@ -212,7 +212,7 @@ def _scalar(path: str, text: str, declaration: Declaration) -> float:
 
 
 def _as_usage(told: str, function: Any, *arguments: Any, path: str | None = None) -> Any:
-    """What is wrong with a value on the command line is a wrong request, not a wrong model."""
+    """The error about a value as one about the command line: the request is wrong, not the model."""
     try:
         return function(*arguments)
     except AcausalError as error:

@@ -1,1 +1,1 @@
-"""Verbs about models: which there are, what they say, whether they are well posed."""
+"""Commands about models: list, describe and check them, print their equations."""

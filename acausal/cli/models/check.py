@@ -1,4 +1,4 @@
-"""`acausal check`: is the model well posed, and where does it start."""
+"""`acausal check`: whether a model is well posed, and its start values."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ def _equations(cls: type[Component], example: Component | None) -> list[dict[str
 
 
 def _text(text: str, message: str) -> str:
-    """An equation in full; of a long assertion only what it says."""
+    """An equation in full; of a long assertion the message only."""
     return text if not message or len(text) <= _LONG_ASSERTION else f'assert_(..., "{message}")'
 
 
@@ -210,7 +210,7 @@ def _limits(low: float, high: float) -> str:
 
 
 def _cut(text: str) -> str:
-    """A line that can be read; `--json` has all of it."""
+    """A line cut to a readable length; `--json` prints all of it."""
     return text if len(text) <= _WIDEST else text[: _WIDEST - 4] + " ..."
 
 

@@ -1,4 +1,4 @@
-"""`acausal diagram`: who is connected with whom."""
+"""`acausal diagram`: the connections of a model, drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`acausal equations`: the model after a stage of the compiler, as equations one can read."""
+"""`acausal equations`: the equations of a model after a stage of the compiler."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def hidden_sections(flat: FlatSystem, hidden: dict[int, int]) -> Sections:
 
 
 def structure_sections(structure: Structure) -> Sections:
-    """Differentiated equations, states, and why these."""
+    """Differentiated equations, and states with the reasons for their choice."""
     from acausal.lower.report import state_reason
 
     reduced = structure.reduced

@@ -1,4 +1,4 @@
-"""`acausal new`: a model file to begin with."""
+"""`acausal new`: a model file to start from."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Verbs about results."""
+"""Commands about results."""

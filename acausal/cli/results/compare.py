@@ -1,4 +1,4 @@
-"""`acausal compare`: how far two results are apart, signal by signal."""
+"""`acausal compare`: the differences of two results, signal by signal."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_DRAWN = 5
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far one signal is apart, in the unit of the first result."""
+    """The difference of one signal, in the unit of the first result."""
 
     name: str
     # `absolute`, `relative`, `time`: the largest difference, that in parts of the signal's range in the first result,

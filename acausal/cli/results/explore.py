@@ -1,4 +1,4 @@
-"""`acausal explore`: results in a page to look at."""
+"""`acausal explore`: results in an interactive page."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ _STAGES = ("import", "compile", "initialize", "integrate", "observe", "save", "p
 
 @dataclass
 class Session:
-    """What is known of a run while its files are written and its summary is printed."""
+    """A run of the command line: writes its files, prints its summary."""
 
     reference: str
     model: Component
@@ -101,7 +101,7 @@ class Session:
         return found
 
     def reports(self, result: Result) -> list[tuple[str, str]]:
-        """What components have to say about themselves, such as the pairs of a contact scene; by path.
+        """Reports of components, such as the pairs of a contact scene, by path.
 
         Of a model whose structure changed it is what they had to say at the end.
         """
@@ -114,7 +114,7 @@ class Session:
         return list({**own, **last}.items())
 
     def content(self, result: Result) -> dict[str, Any]:
-        """Everything, for JSON."""
+        """The whole report, for `--json`."""
         stats = {k: v for k, v in result.stats.items() if k != "time"}
         return {
             "model": self.compiled.name,

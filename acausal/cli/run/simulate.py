@@ -120,7 +120,7 @@ def simulate(
 def _files(
     name: str, no_output: bool, output_file: Path | None, plot: bool, plot_file: Path | None
 ) -> tuple[Path | None, Path | None]:
-    """Where result and picture go, both writable; None for what is not wanted."""
+    """Paths of the result and the picture, checked to be writable; None for what is not wanted."""
     if no_output and output_file is not None:
         raise UsageError("AC009", "--output-file and --no-output exclude each other")
     result_file = None if no_output else output_file or Path(f"{name}.mat")
@@ -194,7 +194,7 @@ def paces(compiled: CompiledModel, result: Result, step: float | None, inputs: M
 
 
 def say_paces(paced: Mapping[str, Any]) -> None:
-    """The report for a person."""
+    """Print the real-time factors."""
     if not paced:
         return
     say(

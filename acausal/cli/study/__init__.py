@@ -1,1 +1,1 @@
-"""Verbs that ask a model for more than one run, or for another form."""
+"""Commands that run a model many times, or write it in another form."""

@@ -175,7 +175,7 @@ def _check_files(file: Path, table_file: Path | None, picture: Path | None) -> N
 
 
 class _Shown:
-    """Progress: a bar on a terminal, a line now and then elsewhere."""
+    """Progress: a bar on a terminal, elsewhere a line from time to time."""
 
     def __init__(self, label: str, quiet: bool) -> None:
         self.bar = ProgressBar(label, quiet)

@@ -1,8 +1,8 @@
 """The right-hand side of a model of repeated components, each pattern once: operations on columns, in CasADi's MX.
 
 `CompiledModel.rhs` holds every instance of every component. That is fast to evaluate, and right for anything without
-many equal parts; of 1000 sections of an RC ladder the C compiler makes something in 10 s, of 10 000 never. Here each
-operation on the instances of a pattern is one operation on columns that are gathered by index: a loop, in C and in
+many equal parts. But the C compiler needs 10 s for 1000 sections of an RC ladder, and does not finish for 10 000. Here
+each operation on the instances of a pattern is one operation on columns that are gathered by index: a loop, in C and in
 CasADi's interpreter. `Function.map` of one small function per pattern was tried instead, and is seven times slower to
 interpret (docs/devdocs/mapped.md).
 """
@@ -64,9 +64,9 @@ def _times(column: Any, factors: Vector) -> Any:
 
 
 def mapped(compiled: Lowered, zeros: frozenset[int]) -> Mapped | None:
-    """The model's equations by patterns; None where that does not pay.
+    """The model's equations as columns; None where scalar code is as fast.
 
-    `zeros` are the places of parameters that are zero, whatever p holds.
+    `zeros`: Indices of parameters that are zero, whatever p holds.
     """
     if compiled.varied or compiled.driven or compiled.delays or compiled.rhs.n_instructions() < LEAST:
         return None
@@ -216,7 +216,7 @@ class _Program:
 
 
 def _picked(source: Any, at: Any, scalar: bool = True) -> Any:
-    """Entries of a column, by as little as it takes."""
+    """Entries of a column: the whole, a slice or one entry where that is enough, else by index."""
     first, last = int(at[0]), int(at[-1])
     if source.numel() == 1 and len(at) > 1 and not scalar:
         return ca.repmat(source, len(at), 1)  # an index list would make a row of a scalar

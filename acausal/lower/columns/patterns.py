@@ -1,9 +1,9 @@
-"""Expressions of the same shape: what a thousand equal components state once, as one operation on columns.
+"""Expressions of the same shape: equal equations of a thousand components as operations on columns.
 
 A node's shape is its operation and the shapes of its operands, with leaves as holes: states, algebraic variables,
 modes, time, and whatever does not change during a run. Nodes of one shape at one depth are a column, whose operands
-are, each, entries of one other column: the expressions of 10 000 equal sections of a ladder are five columns. What has
-few like it is left to scalar code, in stages between those of the columns.
+are, each, entries of one other column: the expressions of 10 000 equal sections of a ladder are five columns. Nodes of
+rare shapes are left to scalar code, in stages between those of the columns.
 """
 
 from __future__ import annotations
@@ -251,7 +251,7 @@ class _Search:
         return self.shapes.setdefault(key, len(self.shapes))
 
     def _after(self, operands: Sequence[int], odd: int) -> int:
-        """The first even, or odd, stage in which all operands are there."""
+        """The first even, or odd, stage in which all operands are known."""
         ready = max((self.stage.get(c, -1) for c in operands), default=-1)
         return ready if ready >= 0 and ready % 2 == odd else ready + 1 if (ready + 1) % 2 == odd else ready + 2
 

@@ -1,4 +1,4 @@
-"""The lowest of several ways out, for shapes that overlap deeply: the portal's ray finds one of them.
+"""The smallest translation that separates shapes that overlap deeply: the portal's ray finds one of several minima.
 
 A deep overlap has a nearest face on each side. The one found is the lowest of all when a ball of its height around the
 origin lies in the tetrahedron of the portal and the start of the ray, which is part of the difference. Where it does

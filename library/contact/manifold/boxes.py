@@ -90,7 +90,7 @@ def _facing(R: Expr, along: Expr, half: list[float]) -> tuple[Expr, Expr, Expr]:
 
 
 def _extent(direction: Expr, half: list[float]) -> Expr:
-    """How far a box reaches from its centre along a direction in its own axes [m]."""
+    """Half the extent of a box along a direction in its own axes [m]."""
     return sum((fabs(direction[k]) * half[k] for k in range(3)), as_expr(0.0))
 
 

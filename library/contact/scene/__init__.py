@@ -1,1 +1,1 @@
-"""Bodies that touch: laws, friction, who can touch whom."""
+"""Bodies in contact: normal laws, friction, and the search for pairs that can touch."""

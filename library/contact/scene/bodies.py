@@ -67,7 +67,7 @@ class ContactBody:
         return (made,)
 
     def describe(self, other: ContactBody) -> str:
-        """How the contact of a pair is found, for the report."""
+        """The method that finds the contact of a pair, for the report."""
         return method(self.shape, other.shape)
 
     @property
@@ -88,7 +88,7 @@ class ContactBody:
     def overlaps(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
     ) -> dict[int, str]:
-        """Places of the contacts with another body that the present one gets into the way of, and what to say then."""
+        """Places of earlier contacts with another body that the present one overlaps, and the message for that."""
         return {}
 
     def radius(self) -> float:

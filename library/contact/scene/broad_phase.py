@@ -1,4 +1,4 @@
-"""Which pairs of bodies can touch: inflated boxes, all at once."""
+"""Broad phase: the pairs of bodies whose inflated bounding boxes overlap, for all bodies at once."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def overlapping(low: Array, high: Array, first: NDArray[np.int_], second: NDArra
 
 
 def gaps(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
-    """By how much the boxes of pairs have to be inflated, both by half of it, until they overlap [m], shape (n,)."""
+    """The inflation [m] at which the boxes of each pair overlap, half of it for each box; shape (n,)."""
     return np.asarray(np.maximum(low[first] - high[second], low[second] - high[first]).max(axis=1, initial=-np.inf))
 
 

@@ -34,7 +34,7 @@ def check_pose(pose: Any, body: str) -> None:
 
 
 def check_bodies(bodies: object) -> None:
-    """Names once each, shapes, poses and reaches as they must be.
+    """Refuse names that occur twice, and wrong shapes, poses and reaches.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def check_bodies(bodies: object) -> None:
 
 
 def check_scene(skin: object, keep: object) -> None:
-    """Raise DeclarationError AC179 for a skin [m] or a number of pairs that cannot be."""
+    """Raise DeclarationError AC179 for an impossible skin [m] or number of pairs."""
     if not (isinstance(skin, numbers.Real) and 0.0 < float(skin) < math.inf):
         raise DeclarationError("AC179", f"the skin of the scene is {shown(skin)}", help="give a length above 0 m")
     if not isinstance(keep, int) or keep < 0:

@@ -86,7 +86,7 @@ class SceneChoice:
         return self.scene.with_pairs(self.pairs, self.steady)
 
     def labels(self) -> list[tuple[str, str]]:
-        """Each contact as it is called now, and by a name that stays the same while others come and go."""
+        """The present name of each contact, and a name that stays the same while others come and go."""
         numbered, own = enumerate(self.scene.candidates if self.steady else self.pairs), set(self.pairs)
         return [(f"contacts[{k}]", self._lasting(p, self.sites.get(p, 0))) for k, p in numbered if p in own]
 
@@ -144,7 +144,7 @@ class SceneChoice:
         return np.stack(r, axis=r[0].ndim - 1), np.stack(R, axis=R[0].ndim - 2)
 
     def remarks(self, largest: Callable[[str], float]) -> list[str]:
-        """Places of contacts that overlap, and were both used."""
+        """Messages about places of contacts that overlap and were both used."""
         trace = {pair: self._maker(pair).trace for pair, _, _ in self.overlaps}
         return [
             text
@@ -153,9 +153,9 @@ class SceneChoice:
         ]
 
     def confined(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[SceneChoice, bool]:
-        """With the pairs that can touch while poses stay within bounds.
+        """The choice extended by the pairs that can touch while poses stay within bounds, and whether it grew.
 
-        True beside it when that adds some, and others may follow. Bounds are lowest and highest values of a signal,
+        As long as it grows, further pairs may follow. Bounds are lowest and highest values of a signal,
         each of its size.
         """
         before, candidates = self.pairs, self.scene.candidates
@@ -171,7 +171,7 @@ class SceneChoice:
         return replace(self, pairs=chosen, wandering=wandering), grown
 
     def apart(self) -> list[tuple[str, str]]:
-        """What is not in the equations, and why: pairs that cannot meet by name, others as numbers."""
+        """Pairs outside the equations and the reason: by name if they can never touch, else their number."""
         never = [self._named(pair) for pair in self.scene.candidates if pair not in set(self.pairs)]
         counted = [(f"{n} pair{'s' * (n > 1)}", reason) for reason, n in self.scene.dropped.items() if n]
         return [(name, CANNOT_MEET) for name in never] + counted

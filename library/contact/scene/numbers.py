@@ -12,7 +12,7 @@ Number = float | Expr
 
 
 def check(law: object, *, positive: str = "", least: str = "", share: str = "") -> None:
-    """Refuse numbers that a law has no sense for (AC178); names are separated by blanks.
+    """Refuse numbers outside the range of a law (AC178); names are separated by blanks.
 
     `positive` ones are greater than 0, `least` ones at least 0, a `share` is greater than 0 and at most 1.
     """

@@ -1,4 +1,4 @@
-"""Where the bodies of a scene are, and how far they have moved: all of them at once, as arrays."""
+"""Outlines of all bodies of a scene as arrays: bounding boxes, and how far they have moved."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """Bodies as far as it matters who can be near whom; n bodies, in the axes of their frames, in m.
+    """Outlines of n bodies for the broad phase, in the axes of their frames [m].
 
     Attributes
     ----------

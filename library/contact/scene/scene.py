@@ -179,7 +179,7 @@ class ContactScene(Component):
         return found
 
     def report(self) -> PairReport:
-        """Pairs kept and dropped, as the scene is now."""
+        """The pairs that are kept and dropped at present."""
         kept, pairs = [], self._pairs if self._is_made else self.candidates
         for i, j in pairs:
             maker = self.maker(i, j)
@@ -240,7 +240,7 @@ class ContactScene(Component):
         return zip(self._pairs, contacts, strict=True)
 
     def maker(self, i: int, j: int) -> int:
-        """Which of two bodies makes their contact: the first that has something to say about the other."""
+        """Which of two bodies makes their contact: the first that defines one with the other."""
         known: int | None = self._makers.get((i, j))
         if known is None:
             made = self.bodies[i].contact(self.bodies[j], self.surfaces)

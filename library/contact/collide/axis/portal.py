@@ -55,7 +55,7 @@ class Body:
 
     @property
     def round(self) -> bool:
-        """Whether it has anything but corners."""
+        """Whether it has circles, not only corners."""
         return self.core.round or self.margin > 0.0
 
     @property
