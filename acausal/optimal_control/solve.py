@@ -94,8 +94,12 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     meshes = [spec.mesh for spec in problem.specs]
     iterations: list[int] = []
     expected = problem.quantities.p
+    first: Program | None = None
     while True:
         program = transcribe(problem, laws, guesses, meshes, basis, expected, steps=choices.steps)
+        # magnitudes of the first guess: an input or an objective whose least is zero has none in the later ones
+        program.nlp.weight = program.nlp.objective_weight() if first is None else first.nlp.weight
+        first = first or program
         stopwatch.lap("build")
         solution = _run(program, choices, guesses is first_guesses)
         stopwatch.lap("solve")
@@ -106,7 +110,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
             widths, guesses, expected = wider, trajectory.guesses(), trajectory.p
             laws = dynamics_of(problem, first_guesses, widths, is_relaxed)
             continue
-        best = optimum_of(problem, program, solution, trajectory, {})
+        best = optimum_of(problem, program, solution, trajectory, first.input_sizes)
         errors, drift, is_blind = _errors(problem, program, laws, solution, trajectory, best)
         worst = max((float(e.max()) for e in errors), default=0.0)
         stopwatch.lap("check")

@@ -193,9 +193,9 @@ def _off_events(times: Vector, own: tuple[Event, ...], others: tuple[Event, ...]
 
 
 def optimum_of(
-    problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory, stats: Mapping[str, object]
+    problem: StatedProblem, program: Program, solution: Solution, trajectory: Trajectory, input_sizes: Vector
 ) -> Optimum:
-    """The optimum of a problem from the solution of its program."""
+    """The optimum of a problem from the solution of its program; `input_sizes` are magnitudes of u, shape (nu,)."""
     q, compiled = problem.quantities, problem.quantities.model
     times, x, z, u = _rows(trajectory)
     multipliers = _multipliers(program, solution, trajectory)
@@ -219,11 +219,10 @@ def optimum_of(
         trajectories=lambda: _observed(compiled, times, x, z, u, trajectory.p),
         signals=Described(compiled, trajectory.p),
         events=events,
-        stats=dict(stats),
         dense=(lambda at: _dense(q, trajectory, at)) if program.steps is None else None,
         objective=solution.objective,
         multipliers=multipliers,
-        inputs=_inputs(q.u, trajectory),
+        inputs=_inputs(q.u, trajectory, input_sizes),
         start=start if problem.free_start else {},
         parameters=own,
         phases=spans,
@@ -286,7 +285,7 @@ def _dense(q: Quantities, trajectory: Trajectory, at: Vector) -> Vector:
     return rows
 
 
-def _inputs(ports: Ports, trajectory: Trajectory) -> dict[str, TimeSeries | float]:
+def _inputs(ports: Ports, trajectory: Trajectory, sizes: Vector) -> dict[str, TimeSeries | float]:
     """Inputs as time series with four values per interval, from which cubic splines reproduce their polynomials."""
     places = np.linspace(0.0, 1.0, 4)
     times, columns = [], []
@@ -295,13 +294,16 @@ def _inputs(ports: Ports, trajectory: Trajectory) -> dict[str, TimeSeries | floa
             times.append(phase.time(k, places))
             columns.append(phase.interval(k, places)[2])
     time, u = np.maximum.accumulate(np.concatenate(times)), np.hstack(columns)
-    return {port.name: _series(port, time, u[k]) for k, port in enumerate(ports)}
+    return {port.name: _series(port, time, u[k], float(sizes[k])) for k, port in enumerate(ports)}
 
 
-def _series(port: Port, time: Vector, values: Vector) -> TimeSeries | float:
-    """One input as a series, or as a number if it varies only by rounding, which would slow a simulation down."""
-    size = max(float(np.abs(values).max()), port.nominal)
-    if float(np.ptp(values)) <= _ROUNDING * size:
+def _series(port: Port, time: Vector, values: Vector, size: float) -> TimeSeries | float:
+    """One input as a series, or as a number if it varies only by rounding, which would slow a simulation down.
+
+    `size`: Magnitude by which the program scaled it. A nominal value of 1 that nobody declared would flatten currents
+    of a nanoampere.
+    """
+    if float(np.ptp(values)) <= _ROUNDING * max(float(np.abs(values).max()), size):
         return float(np.clip(values.mean(), port.min, port.max))
     return TimeSeries(time, np.clip(values, port.min, port.max), "smooth", name=f"optimal {port.name}")
 

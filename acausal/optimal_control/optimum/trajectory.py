@@ -84,4 +84,7 @@ def trajectory_of(program: Program, solution: Solution) -> Trajectory:
         phases.append(
             PhaseTrajectory(phase.spec.name, program.basis, phase.mesh, begin.item(), duration.item(), x, z, u)
         )
-    return Trajectory(phases, next(found).reshape(-1))
+    p = next(found).reshape(-1)
+    for place, lower, upper, _ in program.problem.quantities.decided:
+        p[place] = np.clip(p[place], lower, upper)  # solvers leave limits by their tolerance, which a run refuses
+    return Trajectory(phases, p)

@@ -30,6 +30,7 @@ class Nlp:
     lower: list[Vector] = field(default_factory=list)
     upper: list[Vector] = field(default_factory=list)
     objective: Any = None
+    weight: float = 1.0  # by which the objective is multiplied for the solver; see `objective_weight`
 
     def unknown(self, begin: Vector | float, rows: int = 1, columns: int = 1) -> Any:
         """Add a matrix of unknowns, shape (rows, columns); `begin`, of that shape or scalar, is the initial guess."""
@@ -82,10 +83,31 @@ class Nlp:
         """Lower and upper limits of all m constraints, each of shape (m,)."""
         return np.concatenate(self.lower), np.concatenate(self.upper)
 
-    def casadi_program(self) -> dict[str, Any]:
-        """The program for `nlpsol`, with the functions at points inserted."""
+    def casadi_program(self, weight: Any = None) -> dict[str, Any]:
+        """The program for `nlpsol`, with the functions at points inserted.
+
+        `weight` is a symbol by which the objective is multiplied; it becomes the last parameter.
+        """
         f, g = insert_functions([self.objective, self.g], self.points)
-        return {"x": self.x, "p": self.p, "f": f, "g": g}
+        if weight is None:
+            return {"x": self.x, "p": self.p, "f": f, "g": g}
+        return {"x": self.x, "p": ca.vertcat(self.p, weight), "f": weight * f, "g": g}
+
+    def objective_weight(self, p: Vector | None = None) -> float:
+        """The number, 1 or larger, by which a small objective is multiplied; `p` are the parameters, shape (np,).
+
+        Solvers end when no step reduces the objective by more than an absolute tolerance, and themselves scale large
+        objectives only: a least time of a microsecond would end at five times the least. Unknowns are scaled to 1, so
+        the sum of slopes is what the objective changes by. It is also taken beside the guess, where an objective like
+        the square of an input has no slope.
+        """
+        f = insert_functions([self.objective], self.points)[0]
+        slope = ca.Function("slope", [self.x, self.p], [ca.gradient(f, self.x)])
+        begin = np.concatenate(self.begin)
+        given = np.zeros(0) if p is None else p
+        sums = [float(np.abs(np.array(slope(at, given))).sum()) for at in (begin, begin + 1.0)]
+        largest = max((s for s in sums if np.isfinite(s)), default=0.0)
+        return 1.0 / largest if 0.0 < largest < 1.0 else 1.0
 
     def values(self, expressions: Sequence[Any], x: Vector) -> list[Vector]:
         """Values of expressions at the unknowns x, shape (n,); each has the shape of its expression."""
@@ -116,17 +138,20 @@ class Solution:
 def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
     """Solve the program with a solver of CasADi; `inner` are options of that solver."""
     common: dict[str, Any] = {
-        solver: dict(inner),
+        solver: {"obj_scaling_factor": nlp.weight, **inner} if solver == "ipopt" else dict(inner),
         "print_time": False,
         "show_eval_warnings": False,
         "error_on_fail": False,
     }
     if solver != "ipopt":
         # the stage structure of fatrop does not admit free durations and decided parameters, so none is detected
-        function = ca.nlpsol("program", solver, nlp.casadi_program(), {**common, "structure_detection": "none"})
+        program = nlp.casadi_program(ca.MX.sym("weight"))
+        function = ca.nlpsol("program", solver, program, {**common, "structure_detection": "none"})
         low, high = nlp.limits
-        found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high)
-        return _solution(nlp, function, found, np.array(found["g"]).ravel(), np.array(found["lam_g"]).ravel())
+        found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high, p=nlp.weight)
+        found |= {"f": found["f"] / nlp.weight}
+        duals = np.array(found["lam_g"]).ravel() / nlp.weight
+        return _solution(nlp, function, found, np.array(found["g"]).ravel(), duals)
     g, bounds = nlp.g, _bounds(nlp)
     kept = np.setdiff1d(np.arange(g.numel()), bounds.rows)
     low, high = nlp.limits

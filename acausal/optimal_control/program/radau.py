@@ -100,6 +100,7 @@ class Program:
     first: Any = None
     steps: Steps | None = None
     past: bool = False
+    input_sizes: Vector = field(default_factory=lambda: np.zeros(0))  # magnitudes by which u is scaled, shape (nu,)
     complementarity: list[int] = field(default_factory=list)
     known: dict[int, Any] = field(default_factory=dict)
 
@@ -133,7 +134,7 @@ def transcribe(
         p[place] = w[k]
     first = nlp.parameter(len(q.x)) if varying is not None else None
     sizes = _sizes(problem, guesses)
-    program = Program(problem, nlp, basis, p, [], w, ports=(q.x, q.u), first=first, steps=steps, past=past)
+    program = Program(problem, nlp, basis, p, [], w, [], (q.x, q.u), first, steps, past, sizes[2])
     wanted = [k for k, output in enumerate(q.outputs) if q.place(output.name) is None]
     begin: Any = q.begin.t
     for spec, guess, mesh, law in zip(problem.specs, guesses, meshes, dynamics, strict=True):

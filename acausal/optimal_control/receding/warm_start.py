@@ -36,7 +36,8 @@ class WarmStartedSolver:
     def __init__(self, name: str, nlp: Nlp, tolerance: float, options: Mapping[str, Any]) -> None:
         ipopt = {**_OPTIONS, "tol": tolerance, **options}
         inner: dict[str, Any] = {"ipopt": ipopt, "print_time": False, "expand": True, "error_on_fail": False}
-        self._solver = ca.nlpsol(name, "ipopt", nlp.casadi_program(), inner)
+        self._solver = ca.nlpsol(name, "ipopt", nlp.casadi_program(ca.MX.sym("weight")), inner)
+        self._nlp, self._weight = nlp, 0.0
         low, high = nlp.limits
         self._limits = {"lbg": low, "ubg": high}
         self._guess: Any = np.concatenate(nlp.begin)
@@ -48,7 +49,9 @@ class WarmStartedSolver:
 
         The next call starts from this solution, or, if there is none, from the one before.
         """
-        found = self._solver(x0=self._guess, lam_g0=self._duals, p=p, **self._limits)
+        if not self._weight:  # the parameters are not known before
+            self._weight = self._nlp.objective_weight(p)
+        found = self._solver(x0=self._guess, lam_g0=self._duals, p=np.append(p, self._weight), **self._limits)
         stats = self._solver.stats()
         self.iterations = int(stats.get("iter_count", 0))
         self.status = str(stats.get("return_status", "")).replace("_", " ")
