@@ -41,7 +41,13 @@ Equations = Iterator[Statement]
 STATING = ("equations", "initial_equations", "ties")
 """Generator methods by which a component states its equations."""
 
-_RESERVED = {"build", *STATING}
+_METHODS = {"build", *STATING}
+
+_RESERVED = {
+    **{name: f"`{name}` is a method of components" for name in _METHODS},
+    "time": "results, files and tables have the time of the run under this name",
+}
+"""Names that no field can have, and why."""
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(parameter, structural, outer))
@@ -350,7 +356,7 @@ class Component(Owner):
                 self._refuse_unmade()
             if name.startswith("__") or parts is None:
                 raise AttributeError(name)
-            if name in _RESERVED:
+            if name in _METHODS:
                 raise AttributeError(name)
             if "_stands_in" in self.__dict__:
                 return self._stand_in_part(name)
@@ -556,7 +562,7 @@ def _check_name(cls: type[Component], name: str, value: Declaration | Component 
             "AC125",
             f"{cls.__name__}.{name}: a field cannot have this name",
             where=field_span(cls, name),
-            cause=f"`{name}` is a method of components" if name in _RESERVED else "names with _ in front are no fields",
+            cause=_RESERVED.get(name, "names with _ in front are no fields"),
             help="choose another name",
         )
     for base in cls.__mro__[1:]:

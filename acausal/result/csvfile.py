@@ -90,7 +90,7 @@ def read_sheet(path: Path) -> Sheet:
     sign = max(_DELIMITERS, key=lines[0][1].count)
     header, second = ([c.strip() for c in row] for row in csv.reader((line for _, line in lines[:2]), delimiter=sign))
     names, units = zip(*map(named, header), strict=True)
-    clock = next((k for wanted in ("time", "t") for k, n in enumerate(names) if n.lower() == wanted), None)
+    clock = clock_among(names)
     if clock is None:
         raise UsageError(
             "AC045",
@@ -112,6 +112,12 @@ def named(text: str) -> tuple[str, str]:
     """Name and unit of a header `force [N]`; "" without a unit. An index as in `x[0]` is part of the name."""
     name, bracket, rest = text.partition(" [")
     return (name.strip(), rest.rstrip("] ").strip()) if bracket and rest.rstrip().endswith("]") else (text.strip(), "")
+
+
+def clock_among(names: Sequence[str]) -> int | None:
+    """Index of the column of times: `time`, in capitals or not, else `t`. A column `T` is a temperature."""
+    lower = [name.lower() for name in names]
+    return lower.index("time") if "time" in lower else names.index("t") if "t" in names else None
 
 
 def _are_units(cells: Sequence[str], count: int, clock: int) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from acausal.errors import UsageError
-from acausal.result.csvfile import named
+from acausal.result.csvfile import clock_among, named
 from acausal.result.seconds import seconds
 from acausal.result.signals import Array, Signal, Table, events_at_repeated_times
 
@@ -48,7 +48,7 @@ def read_parquet(path: Path) -> Table:
     attrs = json.loads(file_metadata.get(_ATTRS, b"{}"))
     units = attrs.get("units", {}) if isinstance(attrs, dict) else {}
     headers = [named(name) for name in table.column_names]
-    clock = next((k for wanted in ("time", "t") for k, (n, _) in enumerate(headers) if n.lower() == wanted), None)
+    clock = clock_among([name for name, _ in headers])
     if clock is None:
         raise ValueError(f"no column of times among {', '.join(table.column_names[:8])}: name one `time` or `time [s]`")
     time = np.empty(0)

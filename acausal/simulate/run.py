@@ -14,7 +14,7 @@ from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
-from acausal.lower.variants.started import with_driven, with_starts
+from acausal.lower.variants.started import discrete_starts, with_driven, with_starts
 from acausal.providers import provided
 from acausal.reduce.confine import changing
 from acausal.result.result import Result
@@ -114,7 +114,28 @@ def simulate(
         more = {"parameters": own, "inputs": inputs, "force": force}
         made: Result = provided("simulated_to_accuracy")(compiled, accuracy, asked, more, progress)
         return made
-    return _result(compiled, options(compiled.flat.experiment, **asked), own or {}, inputs or {}, progress, force)
+    result = _result(compiled, options(compiled.flat.experiment, **asked), own or {}, inputs or {}, progress, force)
+    return _with_remarks(result, discrete_starts(compiled, start)) if start else result
+
+
+def _with_remarks(result: Result, starts: Mapping[str, float]) -> Result:
+    """The result with a note on discrete variables that do not begin with the values that they were given.
+
+    Those of continuous variables hold like conditions (AC302). That of a discrete variable is its value *before* the
+    start, and its equations and clauses decide what follows from it.
+    """
+    remarks = [
+        f"{name} was given the start {value:g}, and begins with {result[name][0]:g}: its equations or an event at the "
+        "start say so"
+        for name, value in starts.items()
+        if name in result and len(result.time) and result[name][0] != value
+    ]
+    if not remarks:
+        return result
+    for remark in remarks:
+        _log.warning("%s: %s", result.model, remark)
+    notes: Any = result.stats.get("notes", ())
+    return replace(result, stats={**result.stats, "notes": (*notes, *remarks)})
 
 
 def _result(

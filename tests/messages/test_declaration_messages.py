@@ -46,6 +46,14 @@ def reserved_name() -> None:
         equations: Real = variable()
 
 
+@corpus.wrong("AC125", "Tank.time", "time: Real = variable()")
+def name_of_the_time() -> None:
+    """`result["time"]` would be the time of the run."""
+
+    class Tank(Component):
+        time: Real = variable()
+
+
 @corpus.wrong("AC125", "Tank._level", "_level: Real = variable()")
 def name_with_an_underscore() -> None:
     class Tank(Component):

@@ -336,10 +336,36 @@ class Counted(Component):
         yield when(sample(0.5, 0.5), reset(self.n, pre(self.n) + 1), reset(self.odd, ~pre(self.odd)))
 
 
+class Told(Component):
+    """A boolean that its equation decides, and a count that begins with a tick."""
+
+    x: Real = variable(default=fixed(1.0))
+    low: Real = boolean()
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield self.low == (self.x < 0.5)
+        yield when(sample(0.0, 1.0), reset(self.n, pre(self.n) + 1))
+
+
+def test_a_discrete_start_that_does_not_hold_is_told() -> None:
+    result = acausal.simulate(Told(), start={"low": True, "n": 4}, stop_time=0.1)
+    assert (result["low"][0], result["n"][0]) == (0, 5)
+    notes = result.stats["notes"]
+    assert isinstance(notes, tuple)
+    assert [note.split(",")[0] for note in notes] == [
+        "low was given the start 1",
+        "n was given the start 4",
+    ]
+    assert acausal.simulate(Told(), start={"low": False}, stop_time=0.1).stats["notes"] == ()
+
+
 def test_start_values_are_of_their_kind() -> None:
     """An integer that began at 1.5 would go on in halves, and a boolean at 0.7 be neither."""
     result = acausal.simulate(Counted(), start={"n": 7, "odd": True}, stop_time=1.7)
     assert (result.final("n"), result.final("odd")) == (10, 0)
+    assert result.stats["notes"] == ()
     for wrong in ({"n": 1.5}, {"odd": 0.7}):
         with pytest.raises(AcausalError, match="AC046"):
             acausal.simulate(Counted(), start=wrong, stop_time=1.7)

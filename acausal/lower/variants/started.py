@@ -59,6 +59,13 @@ def with_starts(compiled: CompiledModel, given: Mapping[str, object]) -> Compile
     return variant
 
 
+def discrete_starts(compiled: CompiledModel, given: Mapping[str, object]) -> dict[str, float]:
+    """The start values among these that a discrete variable is given, by name of its scalars."""
+    flat = compiled.flat
+    values = {flat.scalar_name(scalar): (flat.declaration(scalar), v) for scalar, v in _values(compiled, given).items()}
+    return {name: v for name, (declared, v) in values.items() if declared.discrete}
+
+
 def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, float]:
     """Start values by scalar."""
     if not isinstance(given, Mapping):

@@ -17,6 +17,7 @@ from acausal.language.declarations.declaration import Declaration
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.stretches import variation
+from acausal.result.csvfile import clock_among
 from acausal.result.files import READERS
 from acausal.result.result import Result
 from acausal.result.seconds import seconds
@@ -207,14 +208,16 @@ def _of_result(result: Result, signal: str) -> tuple[TimeSeries, Callable[[Vecto
 def _of_pandas(name: str, value: Any) -> TimeSeries:
     """A Series over time, or a DataFrame with a column of that name, or with one column only."""
     if hasattr(value, "columns"):
-        columns = [c for c in value.columns if str(c).lower().partition(" [")[0] not in ("time", "t")]
-        clock = [c for c in value.columns if c not in columns]
-        fitting = [c for c in columns if str(c).partition(" [")[0] == name] or (columns if len(columns) == 1 else [])
+        named_columns = [(c, str(c).partition(" [")[0]) for c in value.columns]
+        place = clock_among([head for _, head in named_columns])
+        clock = [] if place is None else [value.columns[place]]
+        columns = [(c, head) for k, (c, head) in enumerate(named_columns) if k != place]
+        fitting = [c for c, head in columns if head == name or len(columns) == 1]
         if len(fitting) != 1:
             raise UsageError(
                 "AC045",
                 f"the table for input {name} has no column of this name",
-                evidence=[f"its columns: {', '.join(map(str, columns[:8]))}"],
+                evidence=[f"its columns: {', '.join(str(c) for c, _ in columns[:8])}"],
                 help=f"inputs={{'{name}': table['column']}}",
             )
         time, column = value[clock[0]] if clock else value.index, value[fitting[0]]

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.errors import UsageError, meant
-from acausal.result.csvfile import named
+from acausal.errors import UnitError, UsageError, meant
+from acausal.result.csvfile import clock_among, named
 from acausal.result.files import read
 from acausal.result.result import Result
 from acausal.result.seconds import seconds
@@ -91,20 +91,26 @@ def _from_result(result: Result) -> dict[str, TimeSeries]:
 
 
 def _from_frame(frame: Any) -> dict[str, TimeSeries]:
-    clock = next((c for wanted in ("time", "t") for c in frame.columns if named(str(c))[0].lower() == wanted), None)
-    second = named(str(frame.index.name if clock is None else clock))[1]
+    heads = [named(str(column)) for column in frame.columns]
+    clock = clock_among([name for name, _ in heads])
+    second = named(str(frame.index.name))[1] if clock is None else heads[clock][1]
     try:
-        times = seconds(frame.index if clock is None else frame[clock], second)
-    except (TypeError, ValueError) as error:
+        times = seconds(frame.index if clock is None else frame.iloc[:, clock], second)
+    except (TypeError, ValueError, UnitError) as error:
         raise UsageError("AC055", f"the measurements are not over time in s: {error}") from None
     units = frame.attrs.get("units", {})
-    found = {}
-    for column in frame.columns:
-        if column != clock:
-            values = np.asarray(frame[column].to_numpy(), dtype=np.float64)
-            there = np.isfinite(values)
-            name, unit = named(str(column))
-            found[name] = TimeSeries(times[there], values[there], unit=unit or units.get(column, ""), name=str(column))
+    found: dict[str, TimeSeries] = {}
+    for k, (column, (name, unit)) in enumerate(zip(frame.columns, heads, strict=True)):
+        if k == clock:
+            continue
+        if name in found:
+            raise UsageError("AC055", f"the measurements have two columns '{name}'", help="give each a name of its own")
+        try:
+            values = frame.iloc[:, k].to_numpy(dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise UsageError("AC055", f"column '{column}' does not consist of numbers: {error}") from None
+        there = ~np.isnan(values)
+        found[name] = TimeSeries(times[there], values[there], unit=unit or units.get(column, ""), name=str(column))
     return found
 
 

@@ -26,6 +26,9 @@ from acausal.simulate.options import parameter_vector
 from acausal.simulate.run import simulate
 from acausal.study.fit.dataset import Dataset, Measured, columns_of, driving_columns, measured
 
+# A signal jumps at an event if it changes by more than this share of its range.
+_JUMP = 1e-6
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:
@@ -53,11 +56,14 @@ class Trial:
 
     def residuals(self, trial_run: TrialRun) -> Vector:
         """Simulated minus measured values of all signals in SI, shape (rows,)."""
-        return np.concatenate([at(trial_run.result, s.times, s.name) - s.values for s in self.signals])
+        return np.concatenate([compared(trial_run.result, s.times, s.name) - s.values for s in self.signals])
 
     def derivatives(self, trial_run: TrialRun) -> Vector | None:
         """Derivatives of the residuals by the free parameters, shape (rows, n); None if there are only differences."""
         if trial_run.differentiated is None:
+            return None
+        # the time of a jump moves with parameters, which derivatives at given times do not follow
+        if any(jumps(trial_run.result, s.times, s.name) for s in self.signals):
             return None
         times = np.unique(np.concatenate([s.times for s in self.signals]))
         found = trial_run.differentiated.derivatives(times)
@@ -102,6 +108,9 @@ def trial_of(
     """
     columns = columns_of(dataset)
     name = dataset.name or (str(dataset.data) if isinstance(dataset.data, str) else f"data set {number + 1}")
+    if not columns:
+        raise UsageError("AC055", f"{name} holds no measurement", help="{'mass.s': (times, values)}")
+    measurements = {n: c for n, c in columns.items() if n not in compiled.inputs}
     begin = compiled.flat.experiment.start_time
     last = max(float(c.times[-1]) for c in columns.values())
     first = min(float(c.times[0]) for c in columns.values())
@@ -114,13 +123,13 @@ def trial_of(
         "inputs": {**common.inputs, **driving_columns(columns, compiled.inputs), **dataset.inputs},
         "stop_time": last,
     }
-    run["output_interval"] = _interval([c.times for n, c in columns.items() if n not in compiled.inputs], begin)
+    run["output_interval"] = _interval([c.times for c in measurements.values()], begin)
     started = with_starts(compiled, {**common.start, **dataset.start})
     own = {**common.parameters, **dataset.parameters}
     for path, value in dataset.sigma.items():
         if not value > 0.0:
             raise UsageError("AC055", f"sigma of {path} is {value}: a standard deviation is positive")
-    wanted = signals_of(started, [n for n in columns if n not in compiled.inputs])
+    wanted = signals_of(started, list(measurements))
     trial_run = _run_trial(started, own, guess, run, None if wanted is None else tuple(wanted))
     signals = measured(columns, compiled.inputs, trial_run.result)
     unknown = [n for n in dataset.sigma if n not in {s.name for s in signals}]
@@ -206,6 +215,37 @@ def differentiated_run(
         return None
     places = [compiled.parameters.index(name) for name in names]
     return DifferentiatedRun(result, Chain(run, places, wanted, chosen.tolerance))
+
+
+def jumps(result: Result, times: Vector, name: str) -> dict[int, Vector]:
+    """(Value before, value after) the jump of a run that belongs to a jump of the data, by the first row of the latter.
+
+    A jump of the data, times of shape (k,), is two rows with one time. That of the run is the nearest event between the
+    neighbouring rows at which the signal jumps: it lies elsewhere where its time depends on parameters.
+    """
+    found: dict[int, Vector] = {}
+    doubles = np.flatnonzero(np.diff(times) == 0.0).tolist()
+    if not doubles:
+        return found
+    values = result[name]
+    steps = np.abs(np.diff(values))
+    pairs = np.flatnonzero((np.diff(result.time) == 0.0) & (steps > _JUMP * np.ptp(values)))
+    for k in doubles:
+        low = times[k - 1] if k > 0 else -np.inf
+        high = times[k + 2] if k + 2 < len(times) else np.inf
+        near = pairs[(result.time[pairs] > low) & (result.time[pairs] < high)]
+        if len(near):
+            event = result.time[near[np.abs(result.time[near] - times[k]).argmin()]]
+            found[k] = values[np.flatnonzero(result.time == event)[[0, -1]]]
+    return found
+
+
+def compared(result: Result, times: Vector, name: str) -> Vector:
+    """Values of a signal to compare with data at `times`, shape (k,): jumps with jumps, all else at its time."""
+    found = at(result, times, name).copy()
+    for k, jump in jumps(result, times, name).items():
+        found[[k, k + 1]] = jump
+    return found
 
 
 def at(result: Result, times: Vector, name: str) -> Vector:

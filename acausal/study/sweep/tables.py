@@ -29,11 +29,19 @@ def package(name: str) -> Any:
         ) from error
 
 
+_OUTCOME = ("member", "status", "code", "message", "notes", "stop_time", "events", "seconds")
+"""Columns that tell how each member went, beside those of the model."""
+
+
+def outcome_names(sweep: Sweep) -> dict[str, str]:
+    """Names of the columns of the outcome; `run.events` where the model has a variable or parameter `events`."""
+    return {name: f"run.{name}" if name in sweep else name for name in _OUTCOME}
+
+
 def columns(sweep: Sweep) -> dict[str, Any]:
     """Columns of the table without rows over time, each with one entry per member."""
-    return {
+    outcome = {
         "member": np.arange(len(sweep)),
-        **{s.name: sweep.values[:, k] for k, s in enumerate(sweep.parameters)},
         "status": list(sweep.status),
         "code": list(sweep.codes),
         "message": list(sweep.messages),
@@ -41,29 +49,36 @@ def columns(sweep: Sweep) -> dict[str, Any]:
         "stop_time": sweep.stop_times,
         "events": sweep.events,
         "seconds": sweep.seconds,
+    }
+    names = outcome_names(sweep)
+    return {
+        names["member"]: outcome.pop("member"),
+        **{s.name: sweep.values[:, k] for k, s in enumerate(sweep.parameters)},
+        **{names[name]: column for name, column in outcome.items()},
         **{s.name: sweep.finals[:, k] for k, s in enumerate(sweep.signals)},
     }
 
 
 def sweep_frame(sweep: Sweep) -> Any:
     """The table as a `pandas.DataFrame`, by member."""
-    return package("pandas").DataFrame(columns(sweep)).set_index("member")
+    return package("pandas").DataFrame(columns(sweep)).set_index(outcome_names(sweep)["member"])
 
 
 def sweep_dataset(sweep: Sweep) -> Any:
     """The sweep as an `xarray.Dataset`; `NAME.final` are the values at the end of each run, over `member`."""
     xarray = package("xarray")
     about = {s.name: {"units": s.unit, "long_name": s.doc} for s in (*sweep.parameters, *sweep.signals)}
-    table = columns(sweep)
+    table, names = columns(sweep), outcome_names(sweep)
+    member = names["member"]
+    varied = {s.name: (member, table[s.name], about[s.name]) for s in sweep.parameters}
     data: dict[str, Any] = {}
     for k, s in enumerate(sweep.signals):
-        data[s.name] = (("member", "time"), sweep.rows[:, :, k], about[s.name])
-        data[f"{s.name}.final"] = ("member", sweep.finals[:, k], about[s.name])
-    varied = {s.name: ("member", table[s.name], about[s.name]) for s in sweep.parameters}
-    known = ("status", "code", "message", "notes", "stop_time", "events", "seconds")
-    others = {name: ("member", np.asarray(table[name])) for name in known}
+        if s.name not in varied:
+            data[s.name] = ((member, "time"), sweep.rows[:, :, k], about[s.name])
+            data[f"{s.name}.final"] = (member, sweep.finals[:, k], about[s.name])
+    others = {names[name]: (member, np.asarray(table[names[name]])) for name in _OUTCOME if name != "member"}
     time = ("time", sweep.time, {"units": "s", "long_name": "Time"})
-    coordinates = {"member": table["member"], "time": time, **varied, **others}
+    coordinates = {member: table[member], "time": time, **varied, **others}
     return xarray.Dataset(data, coords=coordinates, attrs={"model": sweep.model})
 
 
@@ -125,7 +140,8 @@ def _parquet(sweep: Sweep, file: BinaryIO) -> None:
 def _netcdf(sweep: Sweep, file: BinaryIO) -> None:
     # NetCDF 3, the format of SciPy, has no 64-bit integers
     whole = sweep_dataset(sweep)
-    for name in ("member", "events"):
+    names = outcome_names(sweep)
+    for name in (names["member"], names["events"]):
         whole[name] = whole[name].astype(np.int32)
     file.write(bytes(whole.to_netcdf(engine="scipy")))
 

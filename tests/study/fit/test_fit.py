@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
@@ -223,6 +224,87 @@ CASES: dict[str, tuple[Callable[[], object], str, str]] = {
     "before the start": (lambda: fit(Line(), {"y": (TIMES - 1.0, TIMES)}, ["a"]), "AC011", "-1 s"),
     "no deviation": (lambda: fit(Line(), Dataset({"y": (TIMES, TIMES)}, sigma={"y": 0.0}), ["a"]), "AC055", "sigma"),
 }
+
+
+FRAMES: dict[str, tuple[Callable[[], object], str]] = {
+    "no columns": (lambda: pandas.DataFrame(index=TIMES), "no measurement"),
+    "two columns of one name": (
+        lambda: pandas.DataFrame({"y [m/m]": TIMES, "y": TIMES}, index=TIMES),
+        "two columns 'y'",
+    ),
+    "texts": (lambda: pandas.DataFrame({"y": ["1 m"] * len(TIMES)}, index=TIMES), "does not consist of numbers"),
+    "dates": (lambda: pandas.DataFrame({"y": TIMES}, index=pandas.to_datetime(TIMES, unit="s")), "dates"),
+}
+
+
+@pytest.mark.parametrize("case", FRAMES)
+def test_a_frame_that_holds_no_measurements_is_refused(case: str) -> None:
+    call, words = FRAMES[case]
+    with pytest.raises(AcausalError, match=words) as caught:
+        fit(Line(), call(), ["a"])
+    assert caught.value.code == "AC055"
+
+
+class Cooling(Component):
+    """T' = k (T_end - T) from 300 K."""
+
+    k: Real = parameter(default=1.0, unit="1/s")
+    T_end: Real = parameter(default=350.0, unit="K")
+    T: Real = variable(default=fixed(300.0), unit="K")
+
+    def equations(self) -> Equations:
+        yield der(self.T) == self.k * (self.T_end - self.T)
+
+
+@pytest.mark.parametrize("form", ["frame", "frame with times", "csv", "series in degF"])
+def test_a_column_of_temperatures_is_not_taken_for_the_time(form: str, tmp_path: Path) -> None:
+    values = 400.0 - 100.0 * np.exp(-1.7 * TIMES)
+    if form == "frame":
+        data: object = pandas.DataFrame({"T [degC]": values - 273.15}, index=TIMES)
+    elif form == "frame with times":
+        data = pandas.DataFrame({"T": values, "t [ms]": 1e3 * TIMES})
+    elif form == "csv":
+        rows = [f"{v!r},{t!r}" for v, t in zip(values.tolist(), TIMES.tolist(), strict=True)]
+        (tmp_path / "T.csv").write_text("\n".join(["T,t", *rows]))
+        data = str(tmp_path / "T.csv")
+    else:
+        data = {"T": acausal.TimeSeries(TIMES, 1.8 * (values - 273.15) + 32.0, unit="degF")}
+    found = fit(Cooling(), data, ["k", "T_end"])
+    assert found.value == pytest.approx([1.7, 400.0], rel=1e-6)
+
+
+class Switched(Component):
+    """y = h exp(-k t), and 3 more from an instant on."""
+
+    k: Real = parameter(default=1.0, unit="1/s")
+    h: Real = parameter(default=1.0)
+    at: Real = parameter(default=0.5, unit="s")
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.k * self.x
+        yield self.y == self.h * self.x + acausal.where(acausal.time > self.at, 3.0, 0.0)
+
+
+@pytest.mark.parametrize("by_name", [True, False])
+def test_a_fit_to_a_run_that_jumps_finds_its_parameters(by_name: bool) -> None:
+    """A run has two rows at a jump, the values before and after it: an undisturbed run is fitted without residuals."""
+    model, truth = acausal.compile(Switched()), {"k": 1.3, "h": 2.0}
+    run = acausal.simulate(model, parameters={"at": 0.31, **truth}, stop_time=1.0, output_interval=0.1)
+    data: object = {"y": (run.time, run["y"])} if by_name else run
+    found = fit(model, data, list(truth), parameters={"at": 0.31})
+    assert found.value == pytest.approx(list(truth.values()), rel=1e-6)
+    assert max(found.rms.values()) < 1e-7
+
+
+def test_a_jump_of_the_data_is_compared_with_that_of_the_run() -> None:
+    """The ball bounces at another time with each parameter tried."""
+    model, truth = acausal.compile(BouncingBall()), {"e": 0.7, "h0": 1.3}
+    run = acausal.simulate(model, parameters=truth, stop_time=1.5, output_interval=0.1)
+    data = {name: (run.time, run[name]) for name in ("h", "v")}
+    found = fit(model, data, list(truth), parameters={"e": 0.74, "h0": 1.35})
+    assert found.value == pytest.approx(list(truth.values()), rel=1e-6)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Range
+from acausal import Component, Equations, Range, Real, der, fixed, parameter, variable
 from acausal.errors import UsageError
 from tests.study.sweep.decays import Decay
 
@@ -99,3 +99,36 @@ def test_many_members_are_bands_of_quantiles() -> None:
     (median,) = ax.lines
     assert np.asarray(median.get_ydata())[-1] == pytest.approx(np.exp(-1.0), rel=5e-3)
     assert len(ax.collections) == 2
+
+
+class Named(Component):
+    """x' = -k x under names that tables have columns of their own for."""
+
+    status: Real = parameter(default=1.0, unit="1/s")
+    events: Real = variable(default=fixed(2.0))
+    member: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.events) == -self.status * self.events
+        yield self.member == 3.0 * self.events
+
+
+def test_names_of_the_model_are_those_of_the_table(tmp_path: Path) -> None:
+    """Every table has the values of the model under its own names; how the members went stands beside them."""
+    rates = [0.5, 1.0, 2.0]
+    made = acausal.sweep(Named(), {"status": rates}, signals=["events", "member"], stop_time=1.0, workers=1)
+    made.save(tmp_path / "x.csv")
+    with (tmp_path / "x.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    parquet = pytest.importorskip("pyarrow.parquet")
+    made.save(tmp_path / "x.parquet")
+    tables = [made.to_pandas(), {n: [row[n] for row in rows] for n in rows[0]}]
+    tables.append(parquet.read_table(tmp_path / "x.parquet").to_pandas())
+    for table in tables:
+        assert np.array(table["status"], dtype=float) == pytest.approx(rates)
+        assert np.array(table["events"], dtype=float) == pytest.approx(2.0 * np.exp(-np.array(rates)), rel=1e-5)
+        assert np.array(table["member"], dtype=float) == pytest.approx(6.0 * np.exp(-np.array(rates)), rel=1e-5)
+        assert list(table["run.status"]) == ["ok"] * 3
+    data = made.to_xarray()
+    assert data["events"].shape == data["member"].shape == (3, len(made.time))
+    assert data["events.final"].values == pytest.approx(2.0 * np.exp(-np.array(rates)), rel=1e-5)
