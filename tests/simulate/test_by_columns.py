@@ -1,7 +1,8 @@
-"""Equal parts at once: a program of columns gives the numbers of CasADi's interpreter, to the last bit."""
+"""Equal parts at once: a program of columns gives CasADi's numbers to the last bit, and its derivatives to rounding."""
 
 from __future__ import annotations
 
+import ctypes
 import random
 from collections.abc import Callable
 from typing import Any
@@ -12,9 +13,10 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, cos, der, exp, fixed, parameter, part, sin, structural, tanh
-from acausal.simulate.equations.calls.columns import in_columns
-from acausal.simulate.native import columns, policy
+from acausal.simulate.equations.calls.in_columns import in_columns
+from acausal.simulate.native import columns, policy, tangents
 from acausal.simulate.native.cache import compiler
+from acausal.simulate.native.program import address
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
 
@@ -34,15 +36,15 @@ BINARY: list[Callable[[Any, Any], Any]] = [
 ]
 
 
-def _part(seed: int, *given: Any) -> Any:
+def _part(seed: int, *given: Any, length: int = 120) -> Any:
     """One of equal parts: the same operations for the same seed, on other operands."""
     rng, known = random.Random(seed), list(given)
-    for _ in range(120):
+    for _ in range(length):
         if rng.random() < 0.4:
             known.append(rng.choice(UNARY)(rng.choice(known)))
         else:
             known.append(rng.choice(BINARY)(rng.choice(known), rng.choice(known)))
-    return sum(known[-60:])
+    return sum(known[-length // 2 :])
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -60,6 +62,67 @@ def test_programs_compute_what_casadi_computes(seed: int) -> None:
         given = scale * rng.standard_normal(61), scale * rng.standard_normal(60)
         for told, known in zip(made(*given), function(*given), strict=True):
             np.testing.assert_array_equal(np.array(told), np.array(known))
+
+
+def _derivatives(function: Any, *given: Any) -> tuple[Any, int]:
+    """The derivatives of the first result by the first argument, and how many of them are not zero everywhere."""
+    program, library = columns.program(function), columns.library()
+    assert program is not None
+    assert library is not None
+    found = tangents.jacobian(program, 0, function.numel_out(0), function.numel_in(0))
+    arguments = (ctypes.c_void_p * len(given))(*(address(g) for g in given))
+    numbers = np.zeros(found.sparsity.nnz())
+    library.acausal_columns(ctypes.byref(program), arguments, (ctypes.c_void_p * function.n_out())())
+    library.acausal_tangents(ctypes.byref(found.tangents), ctypes.c_void_p(address(numbers)))
+    return ca.DM(found.sparsity, numbers).full(), found.sparsity.nnz()
+
+
+def test_derivatives_are_those_that_casadi_writes_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of random functions, where they and CasADi's derivatives are finite; no entry is stored that is always zero."""
+    monkeypatch.setattr(columns, "_LEAST", 500)
+    x, p = ca.SX.sym("x", 41), ca.SX.sym("p", 40)
+    compared = 0
+    for seed in range(6):
+        parts = [_part(seed, x[k], x[k + 1], p[k], ca.SX(0.3 + 0.01 * k), length=30) for k in range(40)]
+        function = ca.Function("f", [x, p], [ca.vertcat(*parts, parts[3] * parts[4], p[0]), parts[0]])
+        oracle = ca.Function("oracle", [x, p], [ca.jacobian(function(x, p)[0], x)])
+        rng = np.random.default_rng(seed)
+        for scale in (0.3, 0.6, 3.0):
+            given = scale * (0.1 + rng.random(41)), scale * rng.standard_normal(40)
+            told, count = _derivatives(function, *given)
+            known = oracle(*given).full()
+            finite = np.isfinite(known).all(axis=1) & np.isfinite(function(*given)[0].full().ravel())
+            compared += int((known[finite] != 0.0).sum())
+            size = np.abs(known[finite]).max(initial=0.0)
+            np.testing.assert_allclose(told[finite], known[finite], rtol=1e-9, atol=1e-12 * size)
+            assert count <= oracle.sparsity_out(0).nnz()
+    assert compared > 300
+
+
+def test_what_is_not_chosen_has_no_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The slope of a root at zero is infinite: `x > 1 ? sqrt(x) : 0` is as flat at zero as it looks."""
+    monkeypatch.setattr(columns, "_LEAST", 1)
+    x = ca.SX.sym("x", 20)
+    chosen = ca.vertcat(*(ca.if_else(x[k] > 1, x[k], 0) for k in range(20)))
+    told, _ = _derivatives(ca.Function("f", [x], [ca.sqrt(chosen)]), np.array([0.0] * 19 + [4.0]))
+    np.testing.assert_array_equal(told, np.diag([0.0] * 19 + [0.25]))
+
+
+@pytest.mark.parametrize("operation", range(len(UNARY) + len(BINARY)))
+def test_derivatives_of_each_operation(operation: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against differences, at points where the operation is smooth."""
+    monkeypatch.setattr(columns, "_LEAST", 1)
+    x = ca.SX.sym("x", 40)
+    made = UNARY[operation](x[:20]) if operation < len(UNARY) else BINARY[operation - len(UNARY)](x[:20], x[20:])
+    function = ca.Function("f", [x], [made])
+    rng = np.random.default_rng(operation)
+    here = np.concatenate([0.1 + 0.8 * rng.random(20), -0.1 - 0.8 * rng.random(20)])
+    if operation < len(UNARY) or function.instruction_id(40) in (ca.OP_POW, ca.OP_FMOD):
+        here = np.abs(here)
+    step = 1e-6
+    sides = [np.array([function(here + s * one).full().ravel() for one in np.eye(40)]).T for s in (step, -step)]
+    told, _ = _derivatives(function, here)
+    np.testing.assert_allclose(told, (sides[0] - sides[1]) / (2 * step), rtol=1e-6, atol=1e-7)
 
 
 class Cell(Component):
@@ -96,13 +159,17 @@ def test_a_run_by_columns_takes_the_same_steps(solver: str, monkeypatch: pytest.
     monkeypatch.setattr(policy, "_REPAID", 0.0)
     monkeypatch.setattr(columns, "_LEAST", 500)
     used: list[int] = []
-    run: Any = columns.library()
+    library: Any = columns.library()
 
-    def counted(program: Any, given: Any, wanted: Any) -> int:
-        used.append(1)
-        return int(run(program, given, wanted))
+    class Counted:
+        """The library that counts evaluations."""
 
-    monkeypatch.setattr(columns, "library", lambda: counted)
+        @staticmethod
+        def acausal_columns(program: Any, given: Any, wanted: Any) -> int:
+            used.append(1)
+            return int(library.acausal_columns(program, given, wanted))
+
+    monkeypatch.setattr(columns, "library", lambda: Counted)
     together = acausal.simulate(model, **asked)
     counts: Any = together.stats
     assert len(used) == counts["rhs_evaluations"] > 0

@@ -20,7 +20,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
-from acausal.simulate.equations.calls.columns import InColumns, in_columns
+from acausal.simulate.equations.calls.in_columns import InColumns, derived, in_columns
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
 from acausal.simulate.native.columns import is_long
@@ -47,6 +47,10 @@ _ROOT, _ROUNDING = 1e-8, 1e-12
 _MOST_ITERATIONS = 40
 
 
+# Of a form of the equations: plugin, hash, whether compiled code may be used, and thread.
+_Form = tuple[str, int, bool, int]
+
+
 class ScaledEquations:
     """Equations of `compiled`.
 
@@ -69,9 +73,9 @@ class ScaledEquations:
             self._p, self._u = (v.copy() for v in values)
             self._columns = compiled.mapped(zeros)
         self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-        self._derived: OrderedDict[tuple[str, int, int], tuple[Any, dict[str, Any]]] = OrderedDict()
-        self._reused: dict[tuple[str, int, int], tuple[Any, Reused]] = {}
-        self._in_columns: dict[tuple[str, int, int], tuple[Any, InColumns | None]] = {}
+        self._derived: OrderedDict[_Form, tuple[Any, dict[str, Any]]] = OrderedDict()
+        self._reused: dict[_Form, tuple[Any, Reused]] = {}
+        self._in_columns: dict[_Form, tuple[Any, InColumns | None]] = {}
         self._slowed: dict[tuple[int, float], Any] = {}
         self._measured: dict[int, Any] = {}
         self._stretched: dict[int, Any] = {}
@@ -254,71 +258,101 @@ class ScaledEquations:
         return self._stretched[key]
 
     def integrator(
-        self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool = False
+        self,
+        plugin: str,
+        dae: Any,
+        grid: Vector,
+        settings: dict[str, Any],
+        *,
+        native: bool = False,
+        by_columns: bool = False,
     ) -> Any:
         """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`.
 
-        For one call: what is kept for its steps is forgotten here. `by_columns`: a multistep method gets its rates from
-        equal parts at once, if there are enough of them.
+        For one call: what is kept for its steps is forgotten here.
+
+        `native`: A multistep method may use compiled code: its Jacobian is computed by columns, if that is less work.
+        `by_columns`: It gets its rates from equal parts at once, if there are enough of them.
         """
-        by_columns = by_columns and self._has_columns(plugin, dae)
-        reused = self.reused(plugin, dae)
+        form = _form(plugin, dae, native)
+        by_columns = by_columns and self._has_columns(form, dae)
+        reused = self.reused(plugin, dae, native)
         if reused is not None:
             reused.begin()
         # a function has one memory that is its own: no two threads may share it
-        key = plugin, dae.__hash__(), grid.tobytes(), repr(sorted(settings.items())), by_columns, threading.get_ident()
+        key = *form, grid.tobytes(), repr(sorted(settings.items())), by_columns
         found = self._integrators.pop(key, None)
         if found is None:
-            found = self._made(plugin, dae, grid, settings, by_columns)
+            found = self._made(form, dae, grid, settings, by_columns)
         self._integrators[key] = found
         if len(self._integrators) > min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)):
             self._integrators.popitem(last=False)
         return found
 
-    def reused(self, plugin: str, dae: Any) -> Reused | None:
+    def reused(self, plugin: str, dae: Any, native: bool = False) -> Reused | None:
         """The Jacobian of these integrators in this thread, where it serves several steps."""
-        found = self._reused.get((plugin, int(dae.__hash__()), threading.get_ident()))
+        found = self._reused.get(_form(plugin, dae, native))
         return found and found[1]
 
-    def _made(self, plugin: str, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool) -> Any:
+    def _made(self, form: _Form, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool) -> Any:
         """A new integrator, with the equations and Jacobians that another one of this thread has derived.
 
         To derive and order the Jacobian is nearly all of what an integrator of many equations costs.
         """
-        key = plugin, int(dae.__hash__()), threading.get_ident()
-        _, shared = self._derived.pop(key, (dae, {}))
+        plugin = form[0]
+        _, shared = self._derived.pop(form, (dae, {}))
+        shared = shared or self._derived_by_columns(form, dae)
         # what is not finite is named by `failure.py`, once, and a step that leads there is tried again, shorter
-        options = {**settings, "show_eval_warnings": False, "cache": self._by_columns(key, dae, shared, by_columns)}
+        options = {**settings, "show_eval_warnings": False, "cache": self._by_columns(form, dae, shared, by_columns)}
         found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), options)
         # rootfinders inside of MX have a memory of their own
         if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
             shared = {name: found.get_function(name) for name in _DERIVED if found.has_function(name)}
             if plugin in _MULTISTEP and self.nz == 0 and pays(dae, shared["jacF"]):
                 # one for all that call it, and held as long as they may be
-                _, shared["jacF"] = self._reused.setdefault(key, (dae, Reused(shared["jacF"])))
-            changed = self._by_columns(key, dae, shared, by_columns)
-            if changed is not shared or key in self._reused:
+                _, shared["jacF"] = self._reused.setdefault(form, (dae, Reused(shared["jacF"])))
+            changed = self._by_columns(form, dae, shared, by_columns)
+            if changed is not shared or form in self._reused:
                 found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": changed})
-        self._derived[key] = dae, shared  # a function that is held has its hash for itself
+        self._derived[form] = dae, shared  # a function that is held has its hash for itself
         if len(self._derived) > _FORMS:
             self._derived.popitem(last=False)
         return found
 
-    def _has_columns(self, plugin: str, dae: Any) -> bool:
+    def _derived_by_columns(self, form: _Form, dae: Any) -> dict[str, Any]:
+        """What an integrator would derive itself, where that is less work by columns; else nothing.
+
+        From the first integrator on: a Jacobian that is rounded otherwise in the second run would give other results.
+        """
+        plugin, _, native, _ = form
+        if not native or plugin not in _MULTISTEP or self.nz or not is_long(dae):
+            return {}
+        found = derived(dae.factory("daeF", _DAE_IN, _DAE_OUT[:2]))
+        self._in_columns[form] = dae, None if found is None else found.rates
+        if found is None or found.jacobian is None:
+            return {}
+        self._reused[form] = dae, Reused(found.jacobian)
+        return {"daeF": found.rates, "jacF": self._reused[form][1]}
+
+    def _has_columns(self, form: _Form, dae: Any) -> bool:
         """Whether rates may be evaluated by columns; else no integrator is made anew for them."""
-        if plugin not in _MULTISTEP or not is_long(dae):
+        if form[0] not in _MULTISTEP or not is_long(dae):
             return False
-        tried = self._in_columns.get((plugin, int(dae.__hash__()), threading.get_ident()))
+        tried = self._in_columns.get(form)
         return tried is None or tried[1] is not None
 
-    def _by_columns(self, key: tuple[str, int, int], dae: Any, shared: dict[str, Any], wanted: bool) -> dict[str, Any]:
+    def _by_columns(self, form: _Form, dae: Any, shared: dict[str, Any], wanted: bool) -> dict[str, Any]:
         """What integrators share, with the rates by columns where these are wanted, and pay."""
         if not wanted or "daeF" not in shared:
             return shared
-        if key not in self._in_columns:
-            self._in_columns[key] = dae, in_columns(shared["daeF"])  # a function that is held has its hash for itself
-        rates = self._in_columns[key][1]
+        if form not in self._in_columns:
+            self._in_columns[form] = dae, in_columns(shared["daeF"])  # a function that is held has its hash for itself
+        rates = self._in_columns[form][1]
         return shared if rates is None else {**shared, "daeF": rates}
+
+
+def _form(plugin: str, dae: Any, native: bool) -> _Form:
+    return plugin, int(dae.__hash__()), native, threading.get_ident()
 
 
 def stretched(dae: Any) -> Any:

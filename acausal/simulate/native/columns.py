@@ -27,13 +27,17 @@ Whole = NDArray[np.int32]
 # Instructions from which on a program is written, and how long its columns have to be on the mean: a column of one
 # takes as long as two instructions.
 _LEAST, _MEAN = 5_000, 5.0
+_FILES = "columns.c", "tangents.c"
 # CasADi's operations in the order of columns.c.
 _UNARY_NAMES = "NEG EXP LOG SQRT SQ TWICE SIN COS TAN ASIN ACOS ATAN NOT FLOOR CEIL FABS SIGN INV SINH COSH TANH ASSIGN"
 _BINARY_NAMES = "ADD SUB MUL DIV POW LT LE EQ NE AND OR FMOD COPYSIGN IF_ELSE_ZERO FMIN FMAX ATAN2 HYPOT"
 _UNARY, _BINARY = _UNARY_NAMES.split(), _BINARY_NAMES.split()
-_CODES = {getattr(ca, f"OP_{name}"): k for k, name in enumerate(_UNARY + _BINARY)} | {
+CODES = {getattr(ca, f"OP_{name}"): k for k, name in enumerate(_UNARY + _BINARY)} | {
     ca.OP_CONSTPOW: len(_UNARY) + _BINARY.index("POW")
 }
+"""Numbers of operations in columns.c, by CasADi's."""
+BINARY = range(len(_UNARY), len(_UNARY) + len(_BINARY))
+"""Those of two operands."""
 _CONSTANT, _INPUT = -1, -2  # shapes of leaves; inputs by argument, downwards
 
 
@@ -48,17 +52,22 @@ class Program(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("values", "left", "right")),
     )
 
+    read: Instructions
+    at: NDArray[np.int64]
+    """Where the value of each instruction is."""
+    kept: tuple[Any, ...]
+    """The arrays that its fields point to."""
+
 
 @kept
 def library() -> Any | None:
     """The compiled library; None without a compiler."""
-    text = Path(__file__).with_name("columns.c").read_text(encoding="utf-8")
-    found = made(cache.key("columns", text), lambda: text, lambda path: ctypes.CDLL(str(path)))
-    return None if found is None else found.acausal_columns
+    text = "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in _FILES)
+    return made(cache.key("columns", text), lambda: text, lambda path: ctypes.CDLL(str(path)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Instructions:
+class Instructions:
     """The instructions of a function, each with its own value; operands by their places in this list."""
 
     codes: Whole  # of the operation, negative for leaves
@@ -84,7 +93,7 @@ def program(function: Any) -> Program | None:
     return None if read is None else _laid_out(read)
 
 
-def _read(function: Any) -> _Instructions | None:
+def _read(function: Any) -> Instructions | None:
     codes: list[int] = []
     left: list[int] = []
     right: list[int] = []
@@ -107,12 +116,12 @@ def _read(function: Any) -> _Instructions | None:
             loads.append((argument, place, here))
             entry = -1, here, here, _INPUT - argument, 0
         else:
-            code = _CODES.get(op)
+            code = CODES.get(op)
             if code is None:
                 return None
             operands = function.instruction_input(k)
             a = slots[operands[0]]
-            b = a if code < len(_UNARY) else slots[operands[1]]
+            b = a if code not in BINARY else slots[operands[1]]
             shape = known.setdefault((code, shapes[a], shapes[b]), len(known))
             entry = code, a, b, shape, 1 + max(depths[a], depths[b])
         slots[function.instruction_output(k)[0]] = here
@@ -121,10 +130,10 @@ def _read(function: Any) -> _Instructions | None:
     if len(codes) < _MEAN * len(known):
         return None
     operands = _whole(left), _whole(right)
-    return _Instructions(_whole(codes), *operands, _whole(shapes), _whole(depths), loads, stores, constants)
+    return Instructions(_whole(codes), *operands, _whole(shapes), _whole(depths), loads, stores, constants)
 
 
-def _laid_out(read: _Instructions) -> Program:
+def _laid_out(read: Instructions) -> Program:
     """Entries of a column side by side, in the order of their operands, so that most operands are side by side too."""
     place = np.full(len(read.codes), -1)
     leaves = [*(n for *_, n in read.loads), *(n for n, _ in read.constants)]
@@ -151,7 +160,7 @@ def _laid_out(read: _Instructions) -> Program:
         own, a, b = own[sorted_], a[sorted_], b[sorted_]
         code = int(read.codes[own[0]])
         first = operand(a)
-        second = first if code < len(_UNARY) else operand(b)
+        second = first if code not in BINARY else operand(b)
         columns.append((code, len(own), end, first, second))
         place[own] = np.arange(end, end + len(own))
         end += len(own)
@@ -173,7 +182,8 @@ def _laid_out(read: _Instructions) -> Program:
     memory = {"values": values, "left": np.zeros(longest), "right": np.zeros(longest)}
     pointers = {name: address(array) for name, array in (arrays | memory).items()}
     found = Program(columns=len(columns), loads=len(loads), stores=len(stores), **pointers)
-    found.kept = arrays, memory  # alive as long as the pointers to them
+    found.kept = arrays, memory
+    found.read, found.at = read, place
     return found
 
 

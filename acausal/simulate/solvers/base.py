@@ -179,8 +179,8 @@ class CasadiSolver:
             if library is None and (self.algebraic or not problem.compiled.algebraic):
                 order, dae = numbered.factorisation, numbered.reordered(dae)
             settings, (x0, z0) = order.settings(settings), order.there(x0, z0)
-        by_columns = library is None and native.by_columns(self.plugin)
-        integrator = numbered.integrator(self.plugin, dae, grid, settings, by_columns=by_columns)
+        may, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
+        integrator = numbered.integrator(self.plugin, dae, grid, settings, native=may, by_columns=may and by_columns)
         making = time.perf_counter() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         if segment.shares is not None:
@@ -194,7 +194,7 @@ class CasadiSolver:
             raise
         x, z = order.back(x, z)
         z = z if units is None else z * units
-        reused = numbered.reused(self.plugin, dae)
+        reused = numbered.reused(self.plugin, dae, may)
         if reused is not None:
             stats["n_jac"] = reused.evaluations
         native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
