@@ -18,7 +18,7 @@ struct tangents {
 };
 
 /* Derivatives of an operation by its operands, by the conventions of CasADi where there are two of them. */
-static void slopes(int op, double x, double y, double f, double* by_x, double* by_y) {
+INLINED void slopes(int op, double x, double y, double f, double* by_x, double* by_y) {
   switch (op) {
     case ADD: *by_x = *by_y = 1.0; break;
     case SUB: *by_x = 1.0; *by_y = -1.0; break;
@@ -54,7 +54,7 @@ static void slopes(int op, double x, double y, double f, double* by_x, double* b
   }
 }
 
-static void put(double* restrict to, int n, double slope, const double* restrict from, int count, const int* map) {
+INLINED void put(double* restrict to, int n, double slope, const double* restrict from, int count, const int* map) {
   int k;
   if (map) {
     memset(to, 0, n * sizeof(double));
@@ -62,7 +62,7 @@ static void put(double* restrict to, int n, double slope, const double* restrict
   } else for (k = 0; k < n; ++k) to[k] = slope * from[k];
 }
 
-static void add(double* restrict to, double slope, const double* restrict from, int count, const int* map) {
+INLINED void add(double* restrict to, double slope, const double* restrict from, int count, const int* map) {
   int k;
   if (map) for (k = 0; k < count; ++k) to[map[k]] += slope * from[k];
   else for (k = 0; k < count; ++k) to[k] += slope * from[k];
@@ -70,9 +70,9 @@ static void add(double* restrict to, double slope, const double* restrict from, 
 
 /* Whether an instruction feels its operand: what is not chosen has no derivatives, whatever the slope is at its value, which may be
    infinite. */
-static int felt(const struct tangents* g, int of) { return of >= 0 && !g->none[of]; }
+INLINED int felt(const struct tangents* g, int of) { return of >= 0 && !g->none[of]; }
 
-void acausal_tangents(const struct tangents* g, double* wanted) {
+VECTORISED void acausal_tangents(const struct tangents* g, double* wanted) {
   count_t i;
   for (i = 0; i < g->instructions; ++i) {
     int n = g->count[i], of_a = g->of_a[i], of_b = g->of_b[i], k;
