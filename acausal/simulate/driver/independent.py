@@ -35,7 +35,7 @@ from acausal.simulate.native.policy import Library
 from acausal.simulate.record.merge import Rows, merged
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.segment import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
@@ -290,8 +290,7 @@ class IndependentSystems:
             x[member.part.states], m[member.part.modes] = found.values(k)
         counters: dict[str, float] = {}
         for member in self.members:
-            for name, count in member.recorder.counters.items():
-                counters[name] = counters.get(name, 0.0) + count
+            add_counters(counters, member.recorder.counters)
             member.recorder.counters.clear()
         boundaries = [(float(found.times[row]), causes, changed) for row, causes, changed in found.events]
         self.recorder.extend(found.times, x, m, boundaries, counters)

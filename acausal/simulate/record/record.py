@@ -26,7 +26,7 @@ from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.record.project import off_constraints, projected, projection
-from acausal.simulate.solvers.segment import Piece
+from acausal.simulate.solvers.segment import Piece, add_counters
 
 # All signals of so many rows are computed column by column.
 _LONG = 1024
@@ -70,7 +70,7 @@ class Recorder:
 
         Raises IntegrationError: AC407 where that moves them too far; the rows before are recorded.
         """
-        self._count(piece.counters)
+        add_counters(self.counters, piece.counters)
         found = None
         if self.is_constrained:
             found = projection(self.compiled, times, piece.x, piece.z, self.u, self.p, m)
@@ -101,7 +101,7 @@ class Recorder:
         self.boundaries += boundaries
         self.segments += len(boundaries)
         self._append(times, x, np.zeros((0, len(times))), m)
-        self._count(counters)
+        add_counters(self.counters, counters)
 
     def _append(self, times: Vector, x: Vector, z: Vector, m: Vector) -> None:
         if not len(times):
@@ -158,10 +158,6 @@ class Recorder:
         keep = np.ones(len(times), dtype=bool)
         keep[self._hidden] = False
         return times[keep], States(self._x, keep), z[:, keep], m[:, keep]
-
-    def _count(self, counters: dict[str, float]) -> None:
-        for name, count in counters.items():
-            self.counters[name] = self.counters.get(name, 0.0) + count
 
     def rows(self, first: int = 0) -> tuple[Vector, Vector, Vector, Vector]:
         """(times, x, z, modes) of all rows from one on; columns are instants."""

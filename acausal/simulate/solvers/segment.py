@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,6 +60,12 @@ class Piece:
     z: Vector
     counters: dict[str, float]
     stopped: str = ""
+
+
+def add_counters(total: dict[str, float], more: Mapping[str, float]) -> None:
+    """Add the counters of a piece to those of a run."""
+    for name, count in more.items():
+        total[name] = total.get(name, 0.0) + count
 
 
 @dataclass(frozen=True)

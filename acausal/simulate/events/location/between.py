@@ -75,6 +75,24 @@ def newton_form(nodes: list[float], values: list[float]) -> Callable[[float], fl
     return value
 
 
+def root(times: Vector, values: Vector, row: int) -> float:
+    """Where the polynomial through some values, shape (n,), falls through zero behind the instant of a row.
+
+    That instant itself where it does not before the next one.
+    """
+    origin = float(times[row])
+    if not np.isfinite(values[row + 1]):  # a pole: what follows begins where it is still finite
+        return origin
+    known = np.isfinite(values)
+    curve = newton_form((times[known] - origin).tolist(), values[known].tolist())
+    left, right = 0.0, float(times[row + 1]) - origin
+    if not curve(left) > 0.0 > curve(right):
+        return origin
+    while left < (middle := 0.5 * (left + right)) < right and right - left > 1e-15 * right:
+        left, right = (middle, right) if curve(middle) > 0.0 else (left, middle)
+    return origin + left
+
+
 def lowest(times: Vector, g: Vector) -> Vector:
     """Lower bounds over each interval between n + 1 instants, shape (n, guards); `g` has shape (n + 1, guards).
 

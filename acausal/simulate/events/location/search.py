@@ -24,11 +24,11 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
-from acausal.simulate.events.location.between import between, lowest, newton_form
+from acausal.simulate.events.location.between import between, lowest, root
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import islands, on_equations
-from acausal.simulate.solvers.segment import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 
 Integrate = Callable[[Regime, Segment], Piece]
 Record = Callable[[Vector, Piece], None]
@@ -185,7 +185,8 @@ class Search:
             rows = np.arange(count) if asked.shares is not None else np.flatnonzero(np.isin(asked.times[:count], marks))
             seen = self._seen(way, asked, piece, rows)
             found = self._suspicion(way, seen, piece, rows)
-            keep, closer = self._cleared(rows, count, piece), way.closer[:0]
+            # not the interval before a failure, whose other side is not known
+            keep, closer = int(rows[-2]) + 1 if piece.stopped and len(rows) > 2 else count, way.closer[:0]
             if found is not None:
                 row, passed = found
                 left, right = float(seen.times[row]), float(seen.times[row + 1])
@@ -399,10 +400,6 @@ class Search:
             row -= 1
         return row
 
-    def _cleared(self, rows: NDArray[np.int64], count: int, piece: Piece) -> int:
-        """Rows to accept where nothing was found: not the interval before a failure, whose other side is not known."""
-        return int(rows[-2]) + 1 if piece.stopped and len(rows) > 2 else count
-
     def _adapt(self, way: _Way, times: Vector, piece: Piece, end: float) -> None:
         """How far apart mesh points may be from now on."""
         if way.closer or not way.moment.regime.active_set.owners or way.segment.step is not None or len(times) < 2:
@@ -502,7 +499,7 @@ class Search:
                 # the end of a step, not a point between two
                 last = self._solved(moment.regime, self._only(asked, t))
                 x, z = last.x[:, -1], last.z[:, -1]
-                _add(counters, last.counters)
+                add_counters(counters, last.counters)
                 if jumps[which] and len(z):  # on their equations, as the event iteration will have them
                     there = replace(segment, times=np.array([t]))
                     z = on_equations(moment.regime.problem, there, x[:, None], z[:, None])[:, 0]
@@ -529,7 +526,7 @@ class Search:
         due = segment.times[segment.times < t]
         earlier = self._rows(way, asked, piece, due, counters)
         self._grow(way, due, earlier[0])
-        _add(counters, piece.counters)
+        add_counters(counters, piece.counters)
         way.record(due, Piece(*earlier, counters))
         x = self._whole(way, t, x)
         widest = self.guards.rates(t, replace(moment, x=x, z=z), between=True)[1]
@@ -573,7 +570,7 @@ class Search:
             except RuntimeError as error:
                 raise _NotDelivered(str(error)) from None
             x[:n, at], z[:, at] = own.x[:n], own.z
-            _add(counters, own.counters)
+            add_counters(counters, own.counters)
         return x, z
 
     def _whole(self, way: _Way, t: float, x: Vector) -> Vector:
@@ -598,19 +595,4 @@ class Search:
         """Where the polynomial through the nearest mesh points is zero."""
         low = max(seen.here, min(row + 1 - _NEAREST // 2, len(seen.times) - _NEAREST))
         near = slice(low, low + _NEAREST)
-        origin = float(seen.times[row])
-        if not np.isfinite(seen.values[row + 1, k]):  # a pole: what follows begins where it is still finite
-            return origin
-        known = np.isfinite(seen.values[near, k])
-        curve = newton_form((seen.times[near][known] - origin).tolist(), seen.values[near, k][known].tolist())
-        left, right = 0.0, float(seen.times[row + 1]) - origin
-        if not curve(left) > 0.0 > curve(right):
-            return origin
-        while left < (middle := 0.5 * (left + right)) < right and right - left > 1e-15 * right:
-            left, right = (middle, right) if curve(middle) > 0.0 else (left, middle)
-        return origin + left
-
-
-def _add(counters: dict[str, float], more: dict[str, float]) -> None:
-    for name, n in more.items():
-        counters[name] = counters.get(name, 0.0) + n
+        return root(seen.times[near], seen.values[near, k], row - low)

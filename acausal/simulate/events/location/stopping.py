@@ -151,103 +151,131 @@ class _Coming(NamedTuple):
     is_quiet: bool
 
 
-def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
-    """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
+class _Nodes:
+    """The nodes of one segment: ends of steps, with what is left of its guards there.
 
-    Raises RuntimeError when the solver cannot go on.
+    A guard may go as far as `band` below zero up to the first of the segment's times, and from then on as far as
+    `later`.
     """
-    problem = moment.regime.problem
-    step = Stepper(moment.regime, segment, plugin)
-    start = guards.state(segment.start, moment)
-    band, later = _bands(guards, segment.start, *start)
-    free = np.full(len(band), _NEVER)
 
-    before, others = guards.step, segment.x[problem.n_dynamic :]
+    def __init__(self, guards: Guards, moment: Moment, segment: Segment, plugin: str) -> None:
+        self.guards, self.moment, self.segment, self.plugin = guards, moment, segment, plugin
+        self.step = Stepper(moment.regime, segment, plugin)
+        n = moment.regime.problem.n_dynamic
+        distances, rates, noises = guards.state(segment.start, moment)
+        self.band, self.later = _bands(guards, segment.start, distances, rates, noises)
+        self.before, self._others = guards.step, segment.x[n:]
+        first = Node(segment.start, segment.x[:n], distances + self.band, rates, LOCATED * noises)
+        self.first = replace(first, above=np.maximum(first.above, self.band))  # past its guard by noise counts as on it
 
-    def judged(times: Vector, x: Vector) -> tuple[Vector, Vector, Vector]:
+    def _judged(self, times: Vector, x: Vector) -> tuple[Vector, Vector, Vector]:
         """Distances, rates and what counts as zero at ends of steps, shapes (n, guards)."""
-        if plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
-            guards.step = least_step(before, pace(segment.start, float(times[-1]), step.counters))
-        whole = np.hstack([x, np.tile(others, (len(x), 1))]) if len(others) else x
-        distances, rates, noises = guards.states(times, whole, moment)
+        if self.plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
+            took = pace(self.segment.start, float(times[-1]), self.step.counters)
+            self.guards.step = least_step(self.before, took)
+        whole = np.hstack([x, np.tile(self._others, (len(x), 1))]) if len(self._others) else x
+        distances, rates, noises = self.guards.states(times, whole, self.moment)
         return distances, rates, LOCATED * noises
 
-    def exactly(after: Node, t: float) -> Node:
+    def exactly(self, after: Node, t: float) -> Node:
+        """The node at a time after another, whatever guards are passed on the way."""
         if t <= after.t:
             return after
-        ((_, x),) = step(after, [t], free[None, :])
-        distances, rates, nears = judged(np.array([t]), x[None, :])
-        return Node(t, x, distances[0] + band, rates[0], nears[0])
+        ((_, x),) = self.step(after, [t], np.full((1, len(self.band)), _NEVER))
+        distances, rates, nears = self._judged(np.array([t]), x[None, :])
+        return Node(t, x, distances[0] + self.band, rates[0], nears[0])
 
-    def ahead(after: Node, ends: list[float]) -> list[_Coming]:
+    def ahead(self, after: Node, ends: list[float]) -> list[_Coming]:
         """The nodes at the next few ends, or up to a stop before one of them."""
-        count = step.together(after.t, ends)
+        count = self.step.together(after.t, ends)
         if count > 1 and (after.above + after.rate * (ends[count - 1] - after.t) < 0.0).any():
             count = 1  # a guard is about to be reached: nothing is gained by going on behind the stop
-        bands = np.empty((count, len(band)))
-        bands[0], bands[1:] = band, later
-        points = step(after, ends[:count], bands)
+        bands = np.empty((count, len(self.band)))
+        bands[0], bands[1:] = self.band, self.later
+        points = self.step(after, ends[:count], bands)
         stop = [_Coming(points[-1][0], None, False)] if points[-1][0] < ends[len(points) - 1] else []
         count = len(points) - len(stop)
         if not count:
             return stop
         t, x = (np.array(v) for v in zip(*points[:count], strict=True))
-        distances, rates, nears = judged(t, x)
+        distances, rates, nears = self._judged(t, x)
         # in an interval, and in the one behind it
-        right, left = distances + bands[:count], np.vstack([after.above, distances + later])
+        right, left = distances + bands[:count], np.vstack([after.above, distances + self.later])
         before = np.vstack([after.rate, rates[:-1]]), np.vstack([after.near, nears[:-1]])
         quiet = is_clear(np.diff(t, prepend=after.t), (left[:-1], *before), (right, rates, nears))
         quiet &= ~((left[1:] <= nears / LOCATED) & (left[1:] > 0.0) & (rates < 0.0)).any(axis=1)
         nodes = (Node(*each) for each in zip(ends, x, right, rates, nears, strict=False))
         return [*map(_Coming, ends, nodes, quiet.tolist()), *stop]
 
-    here = Node(segment.start, segment.x[: problem.n_dynamic], start[0] + band, start[1], LOCATED * start[2])
-    here = replace(here, above=np.maximum(here.above, band))  # past its guard by noise counts as on it
+    def loosened(self, node: Node) -> Node:
+        """A node as the intervals behind the first time see it."""
+        if self.band is not self.later:
+            node = replace(node, above=node.above - self.band + self.later)
+            self.band = self.later
+        return node
+
+    def crossing(self, here: Node, coming: _Coming, end: float, instant: float, stops: int) -> tuple[Node, Node | None]:
+        """The node that comes next on the way to `end`, and the event before it or there.
+
+        `stops` is how often dense output has seen a crossing on the way.
+        """
+        t, reached, is_quiet = coming
+        if reached is not None:
+            there = reached
+        else:  # something was reached on dense output: whether it is, a step that ends there shows
+            there = self.exactly(here, t if t - here.t > instant and stops < _MOST_STOPS else end)
+        event = None if is_quiet else first_crossing(here, there, instant, self.exactly)
+        if event is None and there.t < end and ((there.above <= there.near) & (there.rate < 0.0)).any():
+            event = there
+        last = min(self.step.end, end)
+        if event is None and reached is None and there.t < last:  # at its end it says so, too
+            here, there = there, self.exactly(there, last)
+            event = first_crossing(here, there, instant, self.exactly)
+        return there, event
+
+
+def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
+    """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
+
+    Raises RuntimeError when the solver cannot go on.
+    """
+    problem, ends = moment.regime.problem, segment.times.tolist()
+    found = _Nodes(guards, moment, segment, plugin)
+    here, nodes = found.first, [found.first]
     event: Node | None = None
-    nodes, ends = [here], segment.times.tolist()
     coming: list[_Coming] = []
     try:
         for place, end in enumerate(ends):
             instant = located(guards.span, end)
             stops, is_quiet = 0, False
             while event is None and here.t < end:
-                coming = coming or ahead(here, ends[place:])
-                t, reached, is_quiet = coming.pop(0)
-                if reached is not None:
-                    there = reached
-                else:  # something was reached on dense output: whether it is, a step that ends there shows
-                    stops += 1
-                    there = exactly(here, t if t - here.t > instant and stops < _MOST_STOPS else end)
-                event = None if is_quiet else first_crossing(here, there, instant, exactly)
-                if event is None and there.t < end and ((there.above <= there.near) & (there.rate < 0.0)).any():
-                    event = there
-                if event is None and reached is None and there.t < min(step.end, end):  # at its end it says so, too
-                    here, there = there, exactly(there, min(step.end, end))
-                    event = first_crossing(here, there, instant, exactly)
+                coming = coming or found.ahead(here, ends[place:])
+                first = coming.pop(0)
+                stops, is_quiet = stops + (first.node is None), first.is_quiet
+                there, event = found.crossing(here, first, end, instant, stops)
                 here = there if event is None else event
             if event is not None and end == segment.times[-1] and end - event.t <= instant / LOCATED:
                 # it belongs to the event at the end, or is found where the next stretch starts
                 here, event = replace(event, t=end), None
             if event is not None:
                 break
-            if band is not later:
-                here = replace(here, above=here.above - band + later)
-                band = later
+            here = found.loosened(here)
             nodes.append(here)
             if is_quiet and not lingering.since:
                 continue
-            event = _overdue(lingering, moment.regime.active_set.owners, nodes, end == segment.times[-1], exactly)
+            owners = moment.regime.active_set.owners
+            event = _overdue(lingering, owners, nodes, end == segment.times[-1], found.exactly)
             if event is not None:
                 here = event
                 break
     except Interrupted as stop:
         rows = [n.x for n in nodes[1:]]
-        stop.got = _stop(problem, segment, rows, None, rows[-1], step.counters) if rows else None
+        stop.got = _stop(problem, segment, rows, None, rows[-1], found.step.counters) if rows else None
         raise
     finally:
-        problem.native.interpreted(f"{plugin}, events", step.interpreted)
-        guards.step = before
-    return _stop(problem, segment, [n.x for n in nodes[1:]], event, here.x, step.counters)
+        problem.native.interpreted(f"{plugin}, events", found.step.interpreted)
+        guards.step = found.before
+    return _stop(problem, segment, [n.x for n in nodes[1:]], event, here.x, found.step.counters)
 
 
 def least_step(before: float, here: float) -> float:
