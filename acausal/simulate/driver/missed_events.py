@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.driver.awake import between
+from acausal.simulate.driver.awake import between, dense, merged
 from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
@@ -110,13 +110,17 @@ class MissedEvents:
 class _Rows:
     """Points of one solution: the start of a segment, and what was handed over; shapes (n,), (nx, n) and (nz, n).
 
-    With the arguments and middles there, shape (n, columns), and which of these columns are steep where they go.
+    With the arguments and middles there, shape (n, columns). `dense` are these rows and more instants, between which
+    cubics tell the arguments (`awake.dense`), and the columns there; `is_dense` says whether these are all, `is_steep`
+    which of the columns are steep where they go.
     """
 
     times: Vector
     x: Vector
     z: Vector
     values: Vector
+    dense: tuple[Vector, Vector]
+    is_dense: bool
     is_steep: Truth
 
 
@@ -157,7 +161,7 @@ class _Search:
         if len(rows.times) < 2:
             return True
         if len(rows.times) < _FEWEST:
-            if steps <= _RESOLVED * len(rows.times) and not self._are_steep(self._by_rates(segment, rows)).any():
+            if steps <= _RESOLVED * len(rows.times) and self._rests_by_rates(segment, rows):
                 return True
             return self._is_found_again(segment, piece)
         if not rows.is_steep.any():
@@ -254,7 +258,7 @@ class _Search:
     def _resolved(self, segment: Segment) -> tuple[Segment, Piece, _Rows]:
         """A solution with rows so close that they tell how arguments go between them."""
         wide = segment
-        if segment.shares is None and not segment.partial and len(segment.times) < _FEWEST:
+        if segment.shares is None and len(segment.times) < _FEWEST:
             wide = _finer(segment, _FEWEST)
         elif segment.shares is not None and not segment.partial:  # once more to an event, from far before it
             shares = even(_FEWEST)
@@ -290,7 +294,20 @@ class _Search:
         x, z = np.column_stack([segment.x, piece.x]), np.column_stack([segment.z, piece.z])
         times, x, z = times[keep], x[:, keep], z[:, keep]
         values = self._values(segment, times, x, z)
-        return _Rows(times, x, z, values, self._are_steep(values))
+        rows = _Rows(times, x, z, values, (times, values), True, self._are_steep(values))
+        if len(times) < _FEW:
+            return rows
+        found, is_dense = self._dense(times, values, partial(self._between, segment, rows))
+        if len(found[0]) == len(times):
+            return rows
+        return replace(rows, dense=found, is_dense=is_dense, is_steep=rows.is_steep | self._are_steep(found[1]))
+
+    def _dense(
+        self, times: Vector, values: Vector, at: Callable[[Vector], Vector]
+    ) -> tuple[tuple[Vector, Vector], bool]:
+        own = self.awake[: self.known.levels.count]
+        times, values, is_dense = dense(times, values, self.known.levels, own, at)
+        return (times, values), is_dense
 
     def _are_steep(self, values: Vector) -> Truth:
         return np.asarray(self.known.are_steep(values) & self.awake)
@@ -331,19 +348,18 @@ class _Search:
         return max(high - 2, 0)  # rows are never as good as that
 
     def _denser(self, segment: Segment, rows: _Rows, behind: NDArray[np.intp]) -> tuple[Vector, Vector]:
-        """Instants, and columns of values there, with more of them around some rows.
+        """Instants, and columns of values there, with more of them around some.
 
         States between rows are polynomials; what is a function of them need not be as good a one.
         """
-        near = np.unique(np.clip(behind[:, None] + np.array([-1, 0, 1]), 0, len(rows.times) - 2))
-        near = near[np.diff(rows.times)[near] > _CLOSE * np.abs(rows.times).max()]
+        times, values = rows.dense
+        near = np.unique(np.clip(behind[:, None] + np.array([-1, 0, 1]), 0, len(times) - 2))
+        near = near[np.diff(times)[near] > _CLOSE * np.abs(times).max()]
         if not len(near):
-            return rows.times, rows.values
-        gap = rows.times[near + 1] - rows.times[near]
-        more = (rows.times[near][:, None] + gap[:, None] * np.arange(1, _DENSER) / _DENSER).ravel()
-        times, values = np.append(rows.times, more), np.vstack([rows.values, self._between(segment, rows, more)])
-        order = np.argsort(times)
-        return times[order], values[order]
+            return times, values
+        gap = times[near + 1] - times[near]
+        more = (times[near][:, None] + gap[:, None] * np.arange(1, _DENSER) / _DENSER).ravel()
+        return merged(times, values, more, self._between(segment, rows, more))
 
     def _between(self, segment: Segment, rows: _Rows, times: Vector, is_solved: bool = False) -> Vector:
         """Columns of values at instants between rows, with algebraic variables on their equations or between rows."""
@@ -354,19 +370,23 @@ class _Search:
                 z = on_equations(self.problem, replace(segment, times=times), x, z)
         return self._values(segment, times, x, z)
 
-    def _by_rates(self, segment: Segment, rows: _Rows) -> Vector:
-        """Columns of values at more instants, by cubics with the states and rates of the rows on both sides."""
+    def _rests_by_rates(self, segment: Segment, rows: _Rows) -> bool:
+        """Whether nothing is steep between rows, where cubics with their states and rates tell how states go."""
         p, n, times = self.problem, self.problem.n_dynamic, rows.times
         rates = functions_of(p.compiled).rhs.many(times[:, None], rows.x.T, rows.z.T, p.u, p.p, segment.p)[:, :n]
-        at = _finer(replace(segment, times=times[1:]), _FEWEST).times
-        k = np.clip(np.searchsorted(times, at), 1, len(times) - 1)
-        h = (times[k] - times[k - 1])[:, None]
-        s, x = (at - times[k - 1])[:, None] / h, rows.x.T[:, :n]
-        rise = x[k] - x[k - 1]
-        x = x[k - 1] + s * rise + s * (1.0 - s) * ((1.0 - s) * (h * rates[k - 1] - rise) - s * (h * rates[k] - rise))
-        others = np.repeat(rows.x[n:, :1], len(at), axis=1)
-        found = self._values(segment, at, np.vstack([x.T, others]), np.zeros((0, len(at))))
-        return np.vstack([rows.values[:1], found])
+
+        def at(t: Vector) -> Vector:
+            k = np.clip(np.searchsorted(times, t), 1, len(times) - 1)
+            h, x = (times[k] - times[k - 1])[:, None], rows.x.T[:, :n]
+            s, rise = (t - times[k - 1])[:, None] / h, x[k] - x[k - 1]
+            bend = (1.0 - s) * (h * rates[k - 1] - rise) - s * (h * rates[k] - rise)
+            x = x[k - 1] + s * rise + s * (1.0 - s) * bend
+            others = np.repeat(rows.x[n:, :1], len(t), axis=1)
+            return self._values(segment, t, np.vstack([x.T, others]), np.zeros((0, len(t))))
+
+        more = _finer(replace(segment, times=times[1:]), _FEWEST).times
+        (_, values), is_dense = self._dense(np.append(times[:1], more), np.vstack([rows.values[:1], at(more)]), at)
+        return is_dense and not self._are_steep(values).any()
 
     def _places(self, segment: Segment, rows: _Rows, steps: float) -> tuple[Vector, Truth]:
         """Instants at which something steep may come and go, ascending; and where rows do not tell its function.
@@ -377,6 +397,8 @@ class _Search:
         """
         if len(rows.times) < _FEW or not rows.is_steep.any():
             return _NOWHERE
+        if not rows.is_dense:
+            self.skip(segment.start)
         found, owners = self._turns(segment, rows)
         doubt = self._are_doubtful(segment, rows, steps, found, owners)
         awake = self._awake(segment, rows, steps, found)
@@ -386,10 +408,10 @@ class _Search:
 
     def _turns(self, segment: Segment, rows: _Rows) -> tuple[Vector, NDArray[np.int64]]:
         """Instants at which an argument turns or is in the middle of a step, and the places of these arguments."""
-        times, values, first = rows.times, rows.values, self.known.levels.count
+        (times, values), first = rows.dense, self.known.levels.count
         turns = crossed = np.zeros(0, dtype=np.intp)
-        for is_dense in (False, True):
-            if is_dense:
+        for is_denser in (False, True):
+            if is_denser:
                 times, values = self._denser(segment, rows, np.concatenate([turns, crossed]))
             rates = slopes(times, values)
             is_down, is_below = rates < 0.0, values[:, first:] < 0.0  # a row may stand where one of them is zero
@@ -421,12 +443,12 @@ class _Search:
         sees what is awake.
         """
         at = partial(self._between, segment, rows, is_solved=True)
-        more = np.setdiff1d(turns, rows.times)
-        times, values = np.append(rows.times, more), rows.values
+        times, values = rows.dense
+        more = np.setdiff1d(turns, times)
         if len(more):
-            values = np.vstack([values, at(more)])
-        order, own = np.argsort(times), rows.is_steep[: self.known.levels.count]
-        found, columns, is_all = between(times[order], values[order], self.known.levels, own, at)
+            times, values = merged(times, values, more, at(more))
+        own = rows.is_steep[: self.known.levels.count]
+        found, columns, is_all = between(times, values, self.known.levels, own, at)
         if not is_all:
             self.skip(segment.start)
         if not len(found):
