@@ -130,6 +130,47 @@ class Memory:
         """What the stretch sees of the past, into its modes."""
         modes[self.own] = self.numbers
 
+    def jumped(self, t: float, moment: Moment) -> tuple[Vector, tuple[Cause, ...]] | None:
+        """Modes with which delays read where an event has put them, and the delays whose values have jumped.
+
+        None where each of them reads what its stretch sees anyway. A delay time that jumps would be read at the edge of
+        that, in all that happens at the instant.
+        """
+        if not np.isnan(self.lengths).any() or not np.isfinite(self._begun):
+            return None
+        instant = _INSTANT * max(self.span, abs(t))
+        lags, numbers = self._lags(t, moment), moment.m[self.own].copy()
+        beyond = [k for k in range(len(lags)) if not self._is_seen(k, t - float(lags[k]), instant)]
+        if not beyond:
+            return None
+        for k in beyond:
+            gap, width = self._gap(k, t - lags[k], t, instant), float(lags[k])
+            while True:
+                found, is_good = self._window(k, float(lags[k]), gap, t, t + width)
+                if is_good or width <= 1e3 * instant:
+                    break
+                width *= 0.5
+            numbers[WIDTH * k : WIDTH * (k + 1)] = found
+            if k < len(self._gaps):
+                self._gaps[k], self._read[k] = gap, t - lags[k]
+        causes = self._jumps(t - lags, numbers)
+        self.numbers, m = numbers, moment.m.copy()
+        m[self.own] = numbers
+        return m, causes
+
+    def _is_seen(self, k: int, read: float, instant: float) -> bool:
+        low, high = self.windows[k]
+        slack = self._slack(k, instant)
+        return self.items[k].is_constant or low - slack <= read <= high + slack
+
+    def _slack(self, k: int, instant: float) -> float:
+        """How far beyond its window a delay that varies may read.
+
+        What `_gap` takes for being beyond an edge is none that is left: the two would send the stretch to and fro.
+        """
+        low, high = self.windows[k]
+        return max(1e-6 * (high - low) if np.isfinite(low) else 0.0, 2.0 * instant, 1.5 * self._noise[k])
+
     def _lags(self, here: float, moment: Moment) -> Vector:
         """How long ago each delay reads at the beginning of the stretch."""
         lags = self.lengths.copy()
@@ -239,9 +280,7 @@ class Memory:
         for k, item in enumerate(self.items):
             if item.is_constant:
                 continue
-            low, high = self.windows[k]
-            # what `_gap` takes for being beyond an edge is none that is left: the two would send the stretch to and fro
-            slack = max(1e-6 * (high - low) if np.isfinite(low) else 0.0, 2.0 * instant, 1.5 * self._noise[k])
+            (low, high), slack = self.windows[k], self._slack(k, instant)
             for p in panels:
                 s = np.linspace(-1.0, 1.0, 65)
                 t = 0.5 * (p.a + p.b) + 0.5 * (p.b - p.a) * s

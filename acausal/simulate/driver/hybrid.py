@@ -16,7 +16,7 @@ from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, as_one, resting_band
-from acausal.simulate.events.iteration import Happened, Iteration, Jump
+from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.search import Arrival, Search
 from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event
 from acausal.simulate.events.regime import Regime
@@ -83,6 +83,8 @@ class Hybrid:
     traced: bool = False
     missed_events: MissedEvents | None = None
     """Searches what has been passed by a solver that stops at guards by itself; None where nothing is steep."""
+    jumped: Jumped | None = None
+    """Where delayed signals are read once an event has changed their delays."""
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
@@ -98,7 +100,7 @@ class Hybrid:
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
-        self.iteration = Iteration(self.problem, self.guards)
+        self.iteration = Iteration(self.problem, self.guards, self.jumped)
         self.bounces = Bounces(self.problem, self.guards, self.span)
         self.lingering = Lingering()
         self.search = Search(self.guards, self.solver, self.explore, self.span)

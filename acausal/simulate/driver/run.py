@@ -240,7 +240,8 @@ class Run:
 
             def whole() -> Hybrid:
                 parts = integrate, explore, self.tolerances, template, opts.span, self.traced
-                return Hybrid(problem, solver, recorder, *parts, self.missed_events(self.compiled, solver))
+                missed = self.missed_events(self.compiled, solver)
+                return Hybrid(problem, solver, recorder, *parts, missed, None if memory is None else memory.jumped)
 
             members = self.members(known, template) if memory is None else []
             if members:

@@ -9,6 +9,7 @@ problem, Opsearch 11, 1974).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,6 +39,8 @@ _CHATTER = 3
 _TWICE = 2
 # A relation is kept in its mode for a moment so many times, each within this share of the run from the one before.
 _MOST_KEPT, _SOON = 20, 1e-6
+Jumped = Callable[[float, Moment], tuple[Vector, tuple[Cause, ...]] | None]
+"""Modes in which delayed signals are read where the delays are at a moment, and causes; None if they are already."""
 _SCALARS = tuple(Round._fields.index(name) for name in ("level", "settled", "clash"))
 
 
@@ -70,6 +73,8 @@ class _Walk:
     flips: NDArray[np.int_]
     doubt: Vector
     turn: int = 0
+    causes: list[Cause] = field(default_factory=list)
+    """Delays that have jumped."""
     is_timed: bool = True
     """Whether relations of time alone change before anything acts; not while `initial()` holds others back."""
 
@@ -86,10 +91,11 @@ class _Story:
 
 
 class Iteration:
-    """The event iteration of one problem."""
+    """The event iteration of one problem; `jumped` says where a past is that is read at other instants by an event."""
 
-    def __init__(self, problem: Problem, guards: Guards) -> None:
+    def __init__(self, problem: Problem, guards: Guards, jumped: Jumped | None = None) -> None:
         self.problem = problem
+        self.jumped = jumped
         self.guards = guards
         compiled = problem.compiled
         self.events = compiled.state_events
@@ -169,6 +175,8 @@ class Iteration:
             was = was if held is None else np.maximum(was, held)
             walk.is_timed = held is None
             moment, found = self.decide(t, moment, story.notes, walk, (was, decided, level))
+            story.causes += walk.causes
+            walk.causes.clear()
             advances, m = found.level == 0.0, found.m
             if found.clash:
                 raise self._clash(t, moment, found)
@@ -301,6 +309,11 @@ class Iteration:
         flips = walk.flips
         for _ in range(_MOST_SINGLE):
             moment = self.consistent(t, moment)
+            other = None if self.jumped is None else self.jumped(t, moment)
+            if other is not None:
+                moment = replace(moment, m=other[0])
+                walk.causes += other[1]
+                continue
             found = self._round(t, moment, *progress)
             if not (found.assigned == moment.x[self.assigned]).all():
                 # relations are judged by what follows from them: a step behind, they would run in circles
