@@ -169,7 +169,7 @@ class Memory:
         What `_gap` takes for being beyond an edge is none that is left: the two would send the stretch to and fro.
         """
         low, high = self.windows[k]
-        return max(1e-6 * (high - low) if np.isfinite(low) else 0.0, 2.0 * instant, 1.5 * self._noise[k])
+        return float(max(1e-6 * (high - low) if np.isfinite(low) else 0.0, 2.0 * instant, 1.5 * self._noise[k]))
 
     def _lags(self, here: float, moment: Moment) -> Vector:
         """How long ago each delay reads at the beginning of the stretch."""
