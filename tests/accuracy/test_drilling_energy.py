@@ -42,6 +42,7 @@ def test_energy_of_a_scene_is_accounted_for(scene: Any, settings: dict[str, Any]
     assert largest_residual(r) < 1e-6
 
 
+@pytest.mark.slow
 def test_energy_of_the_breakthrough() -> None:
     r = acausal.simulate(BreakthroughSurge())
     for drill in ("free", "capped"):

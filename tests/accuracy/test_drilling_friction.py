@@ -80,6 +80,7 @@ def test_friction_stops_a_tip_that_slides_across_the_plate() -> None:
     assert v[-1] == pytest.approx(0.1 - a * 0.004, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_turning_tip_gives_way_to_a_push_that_a_standing_one_resists() -> None:
     # 50 N against mu F = 100 N. The standing tip creeps as the regularisation lets it; the turning one slides so fast
     # that the share of its sideways velocity in all of its sliding is one half: v = tan(30 deg) hypot(omega r, v_0).

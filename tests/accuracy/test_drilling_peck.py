@@ -79,7 +79,7 @@ def reference() -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock"])  # "auto" is one of them
-@pytest.mark.parametrize("run", [{}, {"tolerance": 1e-9}, {"output_interval": 2.5}])
+@pytest.mark.parametrize("run", slow_but([{}, {"tolerance": 1e-9}, {"output_interval": 2.5}], {}))
 def test_no_contact_is_stepped_over(solver: str, run: dict[str, Any], reference: tuple[float, float]) -> None:
     r = acausal.simulate(PeckDrilling(), stop_time=20.0, solver=solver, **run)
     assert r.final("drill.s_tar") == pytest.approx(reference[0], abs=2e-8)
@@ -87,6 +87,7 @@ def test_no_contact_is_stepped_over(solver: str, run: dict[str, Any], reference:
         assert float(np.max(r["drill.thrust"])) == pytest.approx(reference[1], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
 @pytest.mark.parametrize("rate", slow_but([0.3, 7.0], 0.3))
 def test_slow_and_fast_pecks(solver: str, rate: float) -> None:
@@ -132,7 +133,7 @@ class BothMove(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
-@pytest.mark.parametrize("solver", ["auto", "idas"])
+@pytest.mark.parametrize("solver", slow_but(["auto", "idas"], "auto"))
 def test_no_contact_with_a_moving_box_is_stepped_over(solver: str, reference: tuple[float, float]) -> None:
     r = acausal.simulate(BothMove(), stop_time=20.0, solver=solver)
     assert r.final("drill.s_tar") == pytest.approx(reference[0], abs=2e-8)

@@ -127,7 +127,12 @@ def sequence(result: acausal.Result, name: str) -> list[tuple[float, float]]:
     ("name", "model", "modes"),
     [
         ("Rotational_Friction", Friction, ("brake.mode", "clutch.mode")),
-        ("Translational_Friction", StribeckFriction, ("stop1.mode", "stop2.mode", "supportFriction.mode")),
+        pytest.param(
+            "Translational_Friction",
+            StribeckFriction,
+            ("stop1.mode", "stop2.mode", "supportFriction.mode"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_published_solution_and_modes_are_met(

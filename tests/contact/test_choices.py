@@ -43,6 +43,7 @@ def test_a_run_leaves_the_model_as_it_was() -> None:
     assert len(again.equations) == len(flat.equations)
 
 
+@pytest.mark.slow
 def test_the_second_run_and_a_compiled_one_are_as_the_first() -> None:
     model = ThrownBall(n=6, keep=2)
     compiled = acausal.compile(model)
@@ -112,6 +113,7 @@ def refused(call: Any) -> str:
     return caught.value.code
 
 
+@pytest.mark.slow
 def test_holes_run_compiled_and_are_refused_where_equations_must_stay() -> None:
     """Two holes 20 mm apart: with the equations of one hole the second would not be cut."""
     model = HolesSideBySide(n=2)

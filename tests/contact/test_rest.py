@@ -38,6 +38,7 @@ def test_a_box_on_a_slope_creeps_as_its_law_says(share: float) -> None:
     assert r.final("body.r_0[0]") == pytest.approx(100.0 * creep, abs=5 * creep + 2e-5)
 
 
+@pytest.mark.slow
 def test_bristles_hold_without_creep() -> None:
     """LuGre at rest: z = q / s_0 for the share q of the normal force, and no velocity."""
     r = acausal.simulate(
@@ -99,6 +100,7 @@ def test_stribeck_falls_from_the_static_to_the_sliding_coefficient() -> None:
         assert value == pytest.approx(sliding * math.tanh(v / 1e-4) + 0.1 * v, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "friction"),
     [

@@ -224,6 +224,7 @@ def test_compiled_steps_with_events_have_bounded_loops_only_and_give_the_same(mo
     assert times.finite
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_drill_on_its_stiff_contact_at_a_millisecond() -> None:
     # a contact of 1e8 N/m on 5 kg rings in 1.4 ms; explicit and Rosenbrock steps of 1 ms throw the drill out

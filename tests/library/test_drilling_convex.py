@@ -132,6 +132,7 @@ class SolidBlock(ThickBlock):
         self.drill = DrillingForce(level=block, t=0.05, axis_a=UP, k=1e8, d_c=2e4)
 
 
+@pytest.mark.slow
 def test_the_levels_agree_in_the_dynamic_scene() -> None:
     """The depths differ by at most 1e-7 m, and neither takes more steps than the other by a tenth."""
     plate, solid = acausal.simulate(ThickBlock()), acausal.simulate(SolidBlock())
@@ -158,6 +159,7 @@ def test_stacked_plates_account_for_all_work() -> None:
     assert np.abs(r["balance.residual"]).max() < 1e-6 * r.final("balance.W_source")
 
 
+@pytest.mark.slow
 def test_a_hole_is_found_again_and_another_one_is_new() -> None:
     r = acausal.simulate(HolesSideBySide(n=3))
     first, second = "scene.contacts[drill,plate0].s_tar", "scene.contacts[drill,plate0#1].s_tar"

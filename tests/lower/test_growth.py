@@ -7,6 +7,8 @@ import cProfile
 import gc
 import pstats
 
+import pytest
+
 import acausal
 from acausal.collector import collector_paused
 from acausal.models.rc_ladder import RCLadder
@@ -21,6 +23,7 @@ def calls(n: int) -> int:
     return int(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_calls_grow_with_the_model() -> None:
     """Twice as many sections more, of ten equations each, take twice as many calls more, to the power of 1.05."""
     calls(180)  # what is made and imported once

@@ -25,6 +25,7 @@ def operations(compiled: Any) -> int:
     return int(ca.Function("f", [t, x], [ode]).n_instructions())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +12,7 @@ import acausal
 from acausal import AcausalError, Component, Equations, connect, part, structural
 from acausal.library import electrical, rotational
 from acausal.library.electrical import ConstantCurrent, ConstantVoltage, Diode, Ground, IdealTransformer
+from tests.marks import slow_but
 
 CIRCUIT: dict[str, Any] = {
     "R": lambda: electrical.Resistor(R=2.0),
@@ -78,17 +80,23 @@ def outcome(model: Component) -> str:
     return found.code
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
-@given(plans("RRCLVIDTG"))
-def test_circuits(plan: Plan) -> None:
+def check_circuit(plan: Plan) -> None:
     code = outcome(Random(plan=plan))
     assert code == "" or code.startswith("AC20"), code
     if not any(letter == "G" for letter, _ in plan):
         assert code, "a circuit without ground cannot be determined"
 
 
-@settings(max_examples=100, suppress_health_check=[HealthCheck.too_slow])
-@given(plans("JJcdGFTw"))
-def test_drive_trains(plan: Plan) -> None:
+def check_drive_train(plan: Plan) -> None:
     code = outcome(Random(plan=plan, of_circuit=False))
     assert code == "" or code.startswith("AC20"), code
+
+
+CHECKS = {"RRCLVIDTG": check_circuit, "JJcdGFTw": check_drive_train}
+
+
+@pytest.mark.parametrize("count", slow_but([30, 150], 30))
+@pytest.mark.parametrize("letters", CHECKS, ids=["circuits", "drive trains"])
+def test_random_models(letters: str, count: int) -> None:
+    checked = given(plans(letters))(CHECKS[letters])
+    settings(max_examples=count, suppress_health_check=[HealthCheck.too_slow])(checked)()

@@ -60,9 +60,6 @@ def drilled(stop: float, **values: float) -> Result:
             (15.0, {"F_set": 1000.0, "n": 40.0, "k_c11": 700e6, "z": 0.25, "plate_gap": 3e-3}),
         ],
         (28.0, {}),
-        (28.0, {"plate_gap": 0.0}),
-        (32.0, {"plate_gap": 8e-3}),
-        (15.0, {"F_set": 1000.0, "n": 40.0, "k_c11": 700e6, "z": 0.25, "plate_gap": 3e-3}),
     ),
     ids=str,
 )

@@ -105,6 +105,7 @@ def test_thyristors_conduct_from_their_firing_on(runs: dict[Any, acausal.Result]
     assert r.at(0.09, "load.v") > 0.0
 
 
+@pytest.mark.slow
 def test_the_converter_halves_its_supply_with_the_ripple_of_the_book(runs: dict[Any, acausal.Result]) -> None:
     """V*duty = 12 V; the current swings by V*duty*(1 - duty)/(L*f) = 0.6 A."""
     r = acausal.simulate(BuckConverter(), stop_time=10e-3, tolerance=1e-8, output_interval=1e-6)

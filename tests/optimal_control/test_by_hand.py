@@ -22,7 +22,7 @@ from benchmarks.optimal_control_by_hand import arm_by_hand, drilling_by_hand, sw
     ("stated", "by_hand"),
     [
         (swing_up, swing_up_by_hand),
-        (lambda: least_time(5), drilling_by_hand),
+        pytest.param(lambda: least_time(5), drilling_by_hand, marks=pytest.mark.slow),
         pytest.param(lambda: least_time(8), lambda: drilling_by_hand(8), marks=pytest.mark.slow),
         (lambda: point_to_point(2), lambda: arm_by_hand(2)),
         (lambda: point_to_point(3, price=0.1, intervals=8), lambda: arm_by_hand(3, 8, 0.1)),

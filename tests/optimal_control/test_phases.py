@@ -64,6 +64,7 @@ def test_time_optimal_drilling_converges_from_the_default_guess(tmp_path: Path) 
     assert (tmp_path / "drilling.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("intervals", "k_c11", "z"),
     [
@@ -79,6 +80,7 @@ def test_other_materials_and_meshes_need_no_more_iterations(intervals: int, k_c1
     assert best.objective == pytest.approx(static_drilling_time(k_c11, z), rel=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "value", "more"), [("gap", 2e-3, 0.05), ("m", 200.0, 0.0)])
 def test_other_ways_to_the_plate_need_no_more_iterations(path: str, value: float, more: float) -> None:
     """A millimetre more of air at 20 mm/s is 0.05 s more; the mass of the axis is of no account in statics."""
@@ -89,6 +91,7 @@ def test_other_ways_to_the_plate_need_no_more_iterations(path: str, value: float
     assert best.objective == pytest.approx(static_drilling_time() + more, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_thrust_at_the_start_of_a_phase_can_be_demanded() -> None:
     """It follows from the search of the contact, which is an unknown there, too; results evaluate the model itself."""
     problem = Problem(PlateDrilling())
@@ -105,6 +108,7 @@ def test_thrust_at_the_start_of_a_phase_can_be_demanded() -> None:
     assert best["thrust"][begin] == pytest.approx(3000.0, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_feed_per_edge_of_an_optimum_is_that_of_the_contact() -> None:
     """The feed is an unknown of the program, and solves equation (20) of the founding paper with Kienzle's law."""
     best = least_time().solve()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 from acausal.errors import UsageError
 from acausal.models.optimal_control.ball_target import gentle_throw
 from acausal.models.optimal_control.cart_pole import swing_up
-from acausal.optimal_control import Problem
+from acausal.optimal_control import Optimum, Problem
 from tests.export.scenes import DrivenSlider, Slider
 
 
@@ -32,12 +34,17 @@ def test_a_force_that_is_held_costs_a_little_more() -> None:
     assert max(best.error(best.replay()).values()) < 1e-6
 
 
+@cache
+def collocated_swing_up() -> Optimum:
+    return swing_up().solve(control=0, degree=6)
+
+
 @pytest.mark.parametrize("method", ["rk4", "rosenbrock", "sdirk"])
 def test_shooting_finds_the_optimum_of_collocation(method: str) -> None:
     """The same swing-up, inputs constant in each of 20 intervals: to 1e-6 where the steps are exact enough."""
     fine = {"rk4": 12, "rosenbrock": 8, "sdirk": 4}[method]
     within = {"rk4": 1e-6, "rosenbrock": 2e-4, "sdirk": 5e-2}[method]
-    shot, collocated = swing_up().solve(shooting=method, steps=fine), swing_up().solve(control=0, degree=6)
+    shot, collocated = swing_up().solve(shooting=method, steps=fine), collocated_swing_up()
     assert shot.objective == pytest.approx(collocated.objective, rel=within)
 
 

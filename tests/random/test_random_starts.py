@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import acausal
 from acausal import Component, fixed, guess
 from acausal.errors import AcausalError
+from acausal.lower.compiled import CompiledModel
 from tests.marks import slow_but
 from tests.random.start_models import SIGNALS, circuit, pendulum, pendulum_point, random_circuit
 
@@ -26,7 +27,7 @@ Vector = NDArray[np.float64]
 SEEDS = range(*map(int, os.environ.get("ACAUSAL_SEEDS", "0:100").split(":")))
 
 
-def started(model: Component, names: Sequence[str], **start: float) -> Vector:
+def started(model: Component | CompiledModel, names: Sequence[str], **start: float) -> Vector:
     """Values at the start, shape (n,)."""
     result = acausal.simulate(model, stop_time=1e-9, start=start, solver="rosenbrock")
     return np.array([result[n][0] for n in names])
@@ -38,9 +39,9 @@ def wrong_circuit(seed: int, trials: int = 4) -> list[str]:
     elements = random_circuit(r)
     order = list(range(len(elements)))
     names = [f"e{k}.{f}" for k in order for f in "vi"]
-    bare = circuit(elements, order, {})
     try:
-        states = acausal.compile(bare).states
+        bare = acausal.compile(circuit(elements, order, {}))
+        states = bare.states
         if not states:
             return []
         base = started(bare, names, **dict.fromkeys(states, 0.0))
@@ -89,8 +90,8 @@ def wrong_pendulum(seed: int) -> list[str]:
     reached, bound = [], set()
     for _ in range(2):
         try:
-            model = pendulum(order, starts)
-            bound.add(len(acausal.compile(model).solution.structure.invariants))
+            model = acausal.compile(pendulum(order, starts))
+            bound.add(len(model.solution.structure.invariants))
             reached.append(started(model, SIGNALS))
         except AcausalError as error:
             return [f"pendulum {seed}: {str(error)[:200]}"]

@@ -78,6 +78,7 @@ def test_equal_runs_give_equal_results_to_the_last_digit() -> None:
     assert np.array_equal(runs[0]["s"], runs[1]["s"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", slow_but(["idas", "rosenbrock"], "idas"))
 def test_algebraic_variables_of_the_charge_pump_do_not_depend_on_the_output_grid(solver: str) -> None:
     """Rows of the same instants, from grids of 100 and 1000 intervals; U3 reaches 35.9 V."""

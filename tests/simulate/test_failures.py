@@ -69,7 +69,7 @@ class Hysteresis(Component):
     [
         ("idas", None),
         ("rosenbrock", None),
-        ("erk", None),
+        pytest.param("erk", None, marks=pytest.mark.slow),
         pytest.param("cvodes", None, marks=pytest.mark.slow),
         ("rk", 0.01),
         ("rk2", 0.01),

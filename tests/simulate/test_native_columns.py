@@ -42,6 +42,7 @@ def test_compiled_and_interpreted_runs_agree(solver: str) -> None:
         np.testing.assert_allclose(runs[1][name], runs[0][name], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("columns")
 def test_length_of_the_code_does_not_grow_with_the_model() -> None:
     """But for tables of indices: the loops of 500 masses are those of 250."""

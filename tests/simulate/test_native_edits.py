@@ -79,7 +79,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cache")
 
 
-@pytest.mark.parametrize("edited", slow_but([None, *EDITS], None, "rate", "clock"))
+@pytest.mark.parametrize("edited", slow_but([None, *EDITS], None, "rate"))
 def test_an_edited_number_counts(edited: str | None, kept: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled runs give what interpreted ones do, whatever libraries are there."""
     monkeypatch.setenv("ACAUSAL_CACHE", str(kept))

@@ -107,7 +107,7 @@ def _compiled(pulse: str, argument: str) -> CompiledModel:
     return acausal.compile(Burst(pulse=pulse, argument=argument))
 
 
-@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock", "idas"))
+@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock"))
 def test_random_bursts(solver: str) -> None:
     """Peaks of 1e-5 to 1e-1 of the run, of height or area one, anywhere in it, against the integral in closed form.
 
@@ -280,7 +280,7 @@ def _crest(step: str, argument: str, switches: bool = False) -> CompiledModel:
 
 
 @pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock", "erk"))
+@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock"))
 def test_a_single_step_that_comes_and_goes(solver: str, count: int) -> None:
     """One step on the crests of a sine, awake for 1e-4 to 0.3 rad of them, against quadrature.
 
@@ -326,7 +326,7 @@ class Beside(Component):
         yield when(self.p < 0.0, reset(self.q, -0.8 * pre(self.q)))
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", slow_but(SOLVERS, "rosenbrock", "erk"))
 def test_an_integral_of_time_that_wakes_beside_something_else(solver: str) -> None:
     """Awake from h before the crest to h behind it: it was 0, as a series on panels saw nothing of it."""
     r = acausal.simulate(Beside(), stop_time=1.8, solver=solver, tolerance=1e-6)
@@ -454,7 +454,7 @@ class Woken(Component):
         yield when(self.p < 0.0, reset(self.q, -0.8 * pre(self.q)))
 
 
-@pytest.mark.parametrize("solver", ["rosenbrock", "erk", pytest.param("idas", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("solver", slow_but(["rosenbrock", "erk", "idas"], "rosenbrock"))
 @pytest.mark.parametrize("w", [31.0, pytest.param(57.88, marks=pytest.mark.slow)])
 def test_what_wakes_shortly_before_an_event_is_kept(solver: str, w: float) -> None:
     """A run goes to an event once more from where it was last known, and passes there over what it had found."""

@@ -133,6 +133,7 @@ def preload(times: tuple[float, ...]) -> Times:
     return np.asarray(found.y[0] - 0.0955 + 0.095)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", slow_but(["idas", "cvodes", "rosenbrock"], "idas"))
 def test_preload_of_msl(solver: str) -> None:
     """Its published numbers, and its own stop time and output interval among others: neither changes what is found."""
