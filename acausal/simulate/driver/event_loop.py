@@ -31,7 +31,7 @@ from acausal.simulate.solvers.segment import Piece, Segment
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 Clears = Callable[[Segment, Piece], bool]
 _MOST_EVENTS = 1024
-# Mesh points of a stretch, on average (`event_loop.c`).
+# Mesh points of a stretch, on average (`stretches.c`).
 _MESH_POINTS = 8
 _ACTS = 16
 # Rounds with actions in one call that is traced.

@@ -1,0 +1,283 @@
+/* The loop over stretches and their events, on top of event_loop.c: outputs and mesh points of a stretch, memory of a call. */
+
+/* Whether a guard that falls is within its noise at node 1, and should have been passed by its rate: it may linger there
+   (stopping.py). */
+static int lingers(const struct event_loop* s, const struct space* o) {
+  const struct node *left = o->node, *right = o->node + 1;
+  count_t k;
+  for (k = 0; k < s->relations; ++k)
+    if (right->above[k] > 0 && right->above[k] <= right->near[k] / LOCATED
+        && -right->rate[k] * (right->t - left->t) > right->above[k]) return 1;
+  return 0;
+}
+
+/* A row, or only a look, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
+static void reached(struct event_loop* s, struct space* o, count_t* k) {
+  count_t j;
+  if (o->asked[*k] & ROW) record(s, o->wide[*k], o->node[0].x);
+  keep_trail(s, o->wide[*k], o->node[0].x);
+  ++*k;
+  for (j = 0; j < s->relations; ++j) {
+    o->node[0].above[j] += o->later[j] - o->band[j];
+    o->band[j] = o->later[j];
+  }
+}
+
+/* Go from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
+static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t last, int* found) {
+  int stops = 0, status;
+  count_t j;
+  while (*k <= last) {
+    count_t first = *k;
+    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->wide[last])), begin = o->node[0].t, stop, t, beyond;
+    status = advance(s, o, o->node, o->wide + first, last - first + 1, o->band, &stop);
+    if (status) return status;
+    /* search integrates on its own: what is ahead has to be kept */
+    if (last > first) memcpy(o->ahead, o->row, (size_t) ((last - first + 1) * (s->dynamic + WATCH)) * sizeof(double));
+    while (*k <= last && o->wide[*k] <= stop) {
+      if (last > first) memcpy(o->row, o->ahead + (*k - first) * (s->dynamic + WATCH), (size_t) (s->dynamic + WATCH) * sizeof(double));
+      to_row(s, o, 0, o->wide[*k], o->node + 1);
+      status = to_node(s, o, o->node + 1);
+      if (!status && lingers(s, o)) status = UNUSUAL;
+      if (!status) status = search(s, o, instant, found);
+      if (status || *found) return status;
+      reached(s, o, k);
+      stops = 0;
+    }
+    if (*k > last) return 0;
+    /* something was reached on dense output: whether it is, a step that ends there shows, else one that ends where the
+       integrator's did, at which a guard is passed by its own account */
+    ++stops;
+    t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->wide[*k];
+    beyond = t == stop ? begin + s->run.last_end : t;
+    status = t == stop ? stopped(s, o, begin, t, o->node + 1) : exactly(s, o, o->node, t, o->node + 1);
+    if (!status) status = search(s, o, instant, found);
+    if (status || *found) return status;
+    for (j = 0; t < o->wide[*k] && j < s->relations; ++j)
+      *found |= o->node->above[j] <= o->node->near[j] && o->node->rate[j] < 0;
+    if (*found) return 0;
+    if (beyond > t + instant && t < o->wide[*k]) {
+      t = beyond < o->wide[*k] ? beyond : o->wide[*k];
+      status = exactly(s, o, o->node, t, o->node + 1);
+      if (!status) status = search(s, o, instant, found);
+      if (status || *found) return status;
+    }
+    if (t == o->wide[*k]) {
+      reached(s, o, k);
+      stops = 0;
+    }
+  }
+  return 0;
+}
+
+/* Whether a flight begins that may be lower than the noise, by the pull of the one that ended; rest.py
+   decides, and predicts from the last few when flights end.
+   `before` are the rates at the impact; relations that no `when` resets, or that nothing holds at rest, are impossible. */
+static int may_land(const struct event_loop* s, struct space* o, double t, const double* before) {
+  count_t k;
+  if (take_rates(s, o, t)) return 1;
+  for (k = 0; k < s->relations; ++k) {
+    double approach = fabs(before[k]), away = fabs(o->rate[k]);
+    if (!o->fired[k] || s->impossible[k] || !(away < approach)) continue;
+    if (away * away * (t - s->last[k]) / (4 * approach) <= NEARLY * o->noise[k]) return 1;
+  }
+  return 0;
+}
+
+/* As many as there would be in the whole run (Hybrid.mesh). */
+static count_t mesh_points(const struct event_loop* s, double span) {
+  double found = most(FEWEST_POINTS, ceil(MESH_POINTS * span / s->span));
+  return found < MESH_POINTS ? (count_t) found : MESH_POINTS;
+}
+
+/* A stretch, and the event that ends it. */
+static int stretch(struct event_loop* s, struct space* o) {
+  double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
+  count_t from = s->segment ? s->times_end[s->segment - 1] : 0, until = s->times_end[s->segment];
+  count_t points = s->relations ? mesh_points(s, end - s->here) : 1, look = 1; /* the end is always one */
+  count_t wide = 0, k, steps = s->steps;
+  double time;
+  int changed = 0, found = 0;
+  s->begun = s->steps;
+  s->run.doubts = s->run.look ? 0 : 1;
+  o->step = s->first;
+  if (!s->fresh)
+    while (from < until && !(s->times[from] > s->here + far)) ++from;
+  if (from == until) { /* the event was at the end of the segment */
+    ++s->segment;
+    s->entered = 0;
+    return 0;
+  }
+  if (s->rows + (until - from) + 3 > s->row_capacity || s->events + 1 >= s->event_capacity) return FULL;
+  if (s->trail_capacity && s->trail + (until - from) + points + 1 > s->trail_capacity) return FULL;
+  if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
+  for (k = 0; k < s->relations; ++k) {
+    int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
+    /* one that was kept in its mode for a moment more goes past its guard as far as is seen */
+    o->later[k] = resting ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
+    o->band[k] = !resting && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * as_one(s, s->here))
+      ? most(-BEHIND * o->g[k], 0.0) : o->later[k];
+    o->never[k] = NEVER;
+  }
+  for (k = from; k < until || look <= points;) { /* outputs and mesh points, merged */
+    double at = look < points ? s->here + (end - s->here) * look / points : end;
+    if (look <= points && (k == until || at <= s->times[k])) {
+      int is_row = k < until && at == s->times[k];
+      o->asked[wide] = (unsigned char) (is_row ? LOOK | ROW : LOOK);
+      k += is_row;
+      ++look;
+    } else {
+      at = s->times[k++];
+      o->asked[wide] = ROW;
+    }
+    o->wide[wide++] = at;
+  }
+  o->node[0].t = s->here;
+  memcpy(o->node[0].x, s->x, s->states * sizeof(double));
+  if (to_node(s, o, o->node)) return UNUSUAL;
+  /* past its guard by noise counts as on it */
+  for (k = 0; k < s->relations; ++k) o->node[0].above[k] = most(o->node[0].above[k], o->band[k]);
+  o->first = s->first;
+  o->past = 0.0;
+  for (k = 0; k < wide && !found;) {
+    count_t last = k;
+    int status;
+    /* where guards may go farther at first, up to the first row only */
+    if (k || !memcmp(o->band, o->later, (size_t) s->relations * sizeof(double)))
+      while (!(o->asked[last] & LOOK)) ++last;
+    status = integrate(s, o, &k, last, &found);
+    if (status) return status;
+    if (found && k == wide - 1 && end - o->node[0].t <= as_one(s, end)) {
+      /* it belongs to the event at the end */
+      o->node[0].t = end;
+      found = 0;
+      reached(s, o, &k);
+    }
+  }
+  time = o->node[0].t;
+  if (s->steps > steps && time > begin) s->first = (time - begin) / (s->steps - steps);
+  o->step = s->first;
+  s->here = time;
+  s->fresh = 0;
+  memcpy(s->x, o->node[0].x, s->states * sizeof(double));
+  if (found) keep_trail(s, time, s->x);
+  if (s->trail_capacity) {
+    s->trail_end[s->stretches] = s->trail;
+    s->stretch_steps[s->stretches] = s->steps - steps;
+    s->stretch_doubts[s->stretches] = s->run.doubts;
+    s->stretch_events[s->stretches++] = s->events;
+  }
+  if (!found) {
+    ++s->segment;
+    s->entered = 0;
+    return 0;
+  }
+  record(s, time, s->x);
+  memcpy(o->x0, s->x, s->states * sizeof(double));
+  if (find_fired(s, o, time)) return UNUSUAL;
+  memcpy(o->left_m, s->m, s->modes * sizeof(double));
+  memcpy(o->approach, o->rate, s->relations * sizeof(double));
+  for (k = 0; k < s->relations; ++k)
+    if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
+  if (settle(s, o, time, o->left_m, 0)) return UNUSUAL;
+  for (k = 0; k < s->states; ++k) changed |= s->x[k] != o->x0[k];
+  if (changed && may_land(s, o, time, o->approach)) return UNUSUAL;
+  if (count_event(s, o, time)) return UNUSUAL;
+  record_event(s, time, o->fired);
+  return 0;
+}
+
+static count_t longest(const struct event_loop* s) {
+  count_t k, found = 0;
+  for (k = 0; k < s->boundaries - 1; ++k) {
+    count_t own = s->times_end[k] - (k ? s->times_end[k - 1] : 0);
+    if (own > found) found = own;
+  }
+  return found + MESH_POINTS + 1;
+}
+
+static casadi_int larger(casadi_int a, casadi_int b) { return a > b ? a : b; }
+
+/* Cut up the doubles of a call, where there are any yet; returns their number. */
+static size_t carved(const struct event_loop* s, struct space* o, double* memory, count_t wide) {
+  count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
+  count_t c = s->conditions;
+  count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
+                     r, r, n, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
+                     n, s->modes, r, r, r, n + 2, (DEEPEST + 2) * each};
+  double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
+                      &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
+                      &o->noise, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
+                      &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
+                      &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise, &o->last, &o->nodes};
+  size_t k, used = 0;
+  for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
+    if (memory) *parts[k] = memory + used;
+    used += (size_t) sizes[k] + 1;
+  }
+  for (k = 0; memory && k < DEEPEST + 2; ++k) {
+    double* q = o->nodes + k * (size_t) each;
+    o->node[k].x = q;
+    o->node[k].above = q + n; o->node[k].rate = q + n + r; o->node[k].near = q + n + 2 * r;
+  }
+  return used;
+}
+
+/* Go on until the end of the run, until the record is full, or until something unusual is ahead. */
+CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
+  casadi_int sizes[4] = {0, 0, 0, 0}, own[4]; /* of arguments, results, integers, doubles */
+  int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, watch_work, rates_work, event_round_work, relaxed_work};
+  struct space o;
+  count_t wide = longest(s), k;
+  double* memory;
+  size_t used;
+  unsigned char* bytes;
+  int status = DONE;
+  for (k = 0; k < 5; ++k) {
+    int j;
+    works[k](own, own + 1, own + 2, own + 3);
+    for (j = 0; j < 4; ++j) sizes[j] = larger(sizes[j], own[j]);
+  }
+  memset(&o, 0, sizeof(o));
+  o.settled = 1.0; /* PLAIN: there is nothing to settle */
+  used = carved(s, &o, 0, wide);
+  memory = malloc(sizeof(double) * (used + (size_t) (sizes[3] + 1)));
+  bytes = malloc((size_t) (s->relations + wide + 1));
+  o.arguments = sizes[0] + 9;
+  o.results = sizes[1] + 13;
+  o.arg = malloc(sizeof(double*) * (size_t) o.arguments);
+  o.res = malloc(sizeof(double*) * (size_t) o.results);
+  o.iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
+  o.flips = malloc(sizeof(count_t) * (size_t) (s->relations + 1));
+  s->run.look = 0;
+#ifdef STEEP
+  struct looker looker;
+  memset(&looker, 0, sizeof(looker));
+  if (s->columns && s->step <= 0 && watching(s, &looker)) status = UNUSUAL;
+#endif
+  if (memory && bytes && o.arg && o.res && o.iw && o.flips) {
+    carved(s, &o, memory, wide);
+    o.w = memory + used;
+    o.fired = bytes; o.asked = o.fired + s->relations;
+    while (!status && s->segment < s->boundaries - 1) {
+      struct event_loop kept = *s;
+      memcpy(o.before_x, s->x, s->states * sizeof(double));
+      memcpy(o.before_m, s->m, s->modes * sizeof(double));
+      if (!s->entered && (s->rows + 1 > s->row_capacity || s->events + 1 > s->event_capacity)) status = FULL;
+      else status = s->entered ? stretch(s, &o) : enter(s, &o);
+      if (status) { /* as if it had not been tried; `last` and `crowd` change only when nothing is left to fail */
+        count_t rows = s->rows;
+        *s = kept;
+        if (status == INTERRUPTED) s->rows = rows;
+        memcpy(s->x, o.before_x, s->states * sizeof(double));
+        memcpy(s->m, o.before_m, s->modes * sizeof(double));
+      }
+    }
+  } else status = UNUSUAL;
+#ifdef STEEP
+  free(looker.arg); free(looker.res); free(looker.iw); free(looker.w);
+  s->run.look = 0;
+#endif
+  free(memory); free(bytes); free(o.arg); free(o.res); free(o.iw); free(o.flips);
+  return status;
+}
