@@ -39,9 +39,9 @@ def as_one(span: float, t: Any) -> Any:
     return np.maximum(INSTANT * span, _ROUNDINGS * np.abs(t))
 
 
-def located(span: float, t: float) -> float:
-    """How well an instant is located: better than it is told apart from others."""
-    return max(LOCATED * INSTANT * span, 0.05 * _ROUNDINGS * abs(t))
+def located(span: float, times: Vector) -> Vector:
+    """How well instants [s] are located, shape (n,): better than they are told apart from others."""
+    return np.maximum(LOCATED * INSTANT * span, 0.05 * _ROUNDINGS * np.abs(times))
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,13 +240,13 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     Raises RuntimeError when the solver cannot go on.
     """
     problem, ends = moment.regime.problem, segment.times.tolist()
+    instants = located(guards.span, segment.times).tolist()
     found = _Nodes(guards, moment, segment, plugin)
     here, nodes = found.first, [found.first]
     event: Node | None = None
     coming: list[_Coming] = []
     try:
-        for place, end in enumerate(ends):
-            instant = located(guards.span, end)
+        for place, (end, instant) in enumerate(zip(ends, instants, strict=True)):
             stops, is_quiet = 0, False
             while event is None and here.t < end:
                 coming = coming or found.ahead(here, ends[place:])
