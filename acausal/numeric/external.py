@@ -95,6 +95,10 @@ def _make_lookup(external: Lookup) -> Any:
     u = ca.MX.sym("u")
     segment = ca.low(ca.DM(external.breaks), u, {"lookup_mode": "binary"})
     columns = [ca.MX(ca.DM(c)) for c in zip(*external.coefficients, strict=True)]
+    if len(columns) == 1:
+        # Steps have no slopes, and CasADi takes what has none for independent of u: functions lost arguments that only
+        # steps depend on, such as the time. A slope of zero also hands on a u that is nan.
+        columns.append(ca.MX(ca.DM([0.0] * len(external.coefficients))))
     s = u - ca.MX(ca.DM(external.breaks))[segment]
     y = columns[-1][segment]
     for column in columns[-2::-1]:

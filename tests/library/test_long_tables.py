@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import Akima1DInterpolator
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, part, structural, time, variable
+from acausal import Component, Equations, Real, der, fixed, part, signal_output, structural, time, variable
 from acausal.errors import DeclarationError
 from acausal.library.blocks import CombiTable1D, Extrapolation, Smoothness, TimeTable
+from acausal.library.blocks.tables import table
 from tests.marks import slow_but
 
 Rows = tuple[tuple[float, float], ...]
@@ -393,3 +394,32 @@ def test_rows_that_no_run_can_tell_from_a_curve_cost_no_stops() -> None:
     assert float(str(result.stats["steps"])) < 1000
     assert len(result.time) == 501
     assert not result.events
+
+
+class Stairs(Component):
+    """Steps over the time or over a position that is equal to it."""
+
+    rows: Rows = structural()
+    of_time: bool = structural(default=True)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = signal_output()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        at = time if self.of_time else self.x
+        yield self.y == table(self.rows, at, Smoothness.CONSTANT_SEGMENTS)
+
+
+@pytest.mark.parametrize("of_time", [True, False])
+@pytest.mark.parametrize("rows", [20, 100])
+def test_steps_depend_on_what_they_are_over(rows: int, of_time: bool) -> None:
+    """They have no slopes: with a search for the row, exported functions had no time and signals could not be read."""
+    steps = np.random.default_rng(rows).normal(size=rows).tolist()
+    model = acausal.compile(Stairs(rows=tuple((k / rows, y) for k, y in enumerate(steps)), of_time=of_time))
+    exported = model.casadi()
+    run = acausal.simulate(model, stop_time=0.9)
+    for t in (0.111, 0.523, 0.871):
+        expected = steps[int(t * rows)]
+        given = {"x": [t], "p": exported.p.start, **({"t": t} if of_time else {})}
+        assert float(exported.dae(**given)["y"][exported.y.position("y")]) == expected
+        assert run.at(t, "y") == expected
