@@ -27,6 +27,8 @@ Whole = NDArray[np.int32]
 # Instructions from which on a program is written, and how long its columns have to be on the mean: a column of one
 # takes as long as two instructions.
 _LEAST, _MEAN = 5_000, 5.0
+# Entries that are computed at once (`BLOCK` of columns.c).
+_BLOCK = 8
 _FILES = "columns.c", "tangents.c"
 # CasADi's operations in the order of columns.c.
 _UNARY_NAMES = "NEG EXP LOG SQRT SQ TWICE SIN COS TAN ASIN ACOS ATAN NOT FLOOR CEIL FABS SIGN INV SINH COSH TANH ASSIGN"
@@ -138,7 +140,7 @@ def _laid_out(read: Instructions) -> Program:
     place = np.full(len(read.codes), -1)
     leaves = [*(n for *_, n in read.loads), *(n for n, _ in read.constants)]
     place[leaves] = np.arange(len(leaves))
-    end = len(leaves)
+    end = _padded(len(leaves))
     inner = np.flatnonzero(read.codes >= 0)
     order = inner[np.lexsort((inner, read.shapes[inner], read.depths[inner]))]
     columns: list[tuple[int, int, int, int, int]] = []
@@ -163,11 +165,11 @@ def _laid_out(read: Instructions) -> Program:
         second = first if code not in BINARY else operand(b)
         columns.append((code, len(own), end, first, second))
         place[own] = np.arange(end, end + len(own))
-        end += len(own)
-    values = np.zeros(end)
+        end += _padded(len(own))
+    values = np.zeros(end + _BLOCK)
     for n, value in read.constants:
         values[place[n]] = value
-    longest = max(n for _, n, *_ in columns)
+    longest = _padded(max(n for _, n, *_ in columns))
     loads = [(argument, entry, place[n]) for argument, entry, n in read.loads]
     stores = [(result, entry, place[n]) for result, entry, n in read.stores]
     names = "op", "size", "to", "a", "b"
@@ -185,6 +187,11 @@ def _laid_out(read: Instructions) -> Program:
     found.kept = arrays, memory
     found.read, found.at = read, place
     return found
+
+
+def _padded(count: int) -> int:
+    """Entries of the blocks that so many take."""
+    return -(-count // _BLOCK) * _BLOCK
 
 
 def _whole(values: Any) -> Whole:
