@@ -243,14 +243,14 @@ def due(compiled: CompiledModel, p: Vector, times: Vector) -> Vector:
 
 
 def _ticks(first: float, interval: float, start: float, stop: float) -> Vector:
-    """The ticks of a clock between two times; those count that are as near to them as can be told."""
+    """The ticks of a clock between two times [s], the ends included to rounding."""
     near = _NEAR + _ROUNDING * max(abs(first), abs(start), abs(stop)) / interval
     k = np.arange(max(0.0, np.ceil((start - first) / interval - near)), np.floor((stop - first) / interval + near) + 1)
     return first + interval * k
 
 
 def _nearest(times: Vector, ticks: Vector) -> NDArray[np.int64]:
-    """Places of the times, ascending, that are next to the ticks."""
+    """Indices of the times, ascending, that are nearest to the ticks."""
     if len(times) == 1:
         return np.zeros(len(ticks), dtype=np.int64)
     right = np.clip(np.searchsorted(times, ticks), 1, len(times) - 1)

@@ -41,7 +41,7 @@ class Dynamics(Protocol):
 
     @property
     def equations(self) -> Problem:
-        """What is integrated now."""
+        """The equations that are integrated at present."""
         ...
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
@@ -73,7 +73,7 @@ class Dynamics(Protocol):
         ...
 
     def failed(self, times: Vector) -> Segment:
-        """What could not be passed: from the last point that was reached, with the outputs left."""
+        """The segment that could not be integrated: from the last point that was reached, with the outputs left."""
         ...
 
     def end(self, t: float, samples: Vector) -> None:

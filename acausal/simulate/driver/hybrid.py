@@ -1,4 +1,4 @@
-"""A run with events: stretches in which the modes hold, and what happens between them."""
+"""A run with events: integration while the modes hold, and the events between."""
 
 from __future__ import annotations
 
@@ -171,13 +171,13 @@ class Hybrid:
         return compiled_program(regime, self.template, self.solver.name)
 
     def failed(self, times: Vector) -> Segment:
-        """What could not be passed: from the last point that was reached, with the outputs left."""
+        """The segment that could not be integrated: from the last point that was reached, with the outputs left."""
         here = self.recorder.time if self.recorder.segments else self.template.start
         moment = self.reached
         return replace(self.template, start=here, times=times[times > here], x=moment.x, z=moment.z, p=moment.m)
 
     def _explained(self, relations: list[int], clauses: list[int]) -> tuple[Cause, ...]:
-        """What relations and clauses are, in the user's words."""
+        """Causes of an event: texts and places of these relations and clauses."""
         acting = (self.problem.compiled.state_events.clauses[k] for k in clauses)
         return (*(self.guards.causes[k] for k in relations), *(Cause(c.text, c.where, c.component) for c in acting))
 
@@ -395,7 +395,7 @@ class Hybrid:
             raise unsettled(self.problem.compiled.name, stop.time, names)
 
     def _rescue(self, segment: Segment, moment: Moment, got: Stop | None) -> None:
-        """Record what an interrupted stretch had come to."""
+        """Record the rows of an interrupted stretch."""
         if got is not None:
             keep = np.isin(got.times, segment.times)
             self._record(got.times[keep], got.piece.x[:, keep], got.piece.z[:, keep], moment, got.piece.counters)
@@ -516,9 +516,7 @@ class Hybrid:
         self.history.append((t, happened.moment.regime))
         self.terminated = happened.terminated or self.terminated
         for note in happened.notes:
-            if note not in self.notes:
-                self.notes.append(note)
-                _log.warning("%s: %s", self.problem.compiled.name, note)
+            self._note(note)
         return happened.moment
 
     def _record_start(self, t: float, moment: Moment, happened: Happened) -> None:

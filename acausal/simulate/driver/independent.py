@@ -49,7 +49,7 @@ _PARTS = 20
 
 @dataclass
 class Member:
-    """One system on its way."""
+    """One of the independent systems during a run."""
 
     part: Subsystem
     problem: Problem
@@ -62,7 +62,7 @@ class Member:
 
     @property
     def template(self) -> Segment:
-        """What its solver is asked."""
+        """The task of its solver; start, times and states are filled in for each call."""
         return self.dynamics.template
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
@@ -70,7 +70,7 @@ class Member:
         self.dynamics.begin(t, Start(start.x[self.part.states], _NO_Z, ()), m[self.part.modes], flag)
 
     def enter(self, stretch: Stretch) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
-        """The event at the start of a stretch of the whole: why, and what clauses did."""
+        """The event at the start of a stretch of the whole; returns its causes and the changed variables."""
         self._first = self.recorder.count
         self.dynamics.enter(self._own(stretch))
         self._boundary = len(self.recorder.boundaries)
@@ -80,7 +80,7 @@ class Member:
         return happened.causes, happened.changed
 
     def advance(self, stretch: Stretch, interrupted: Callable[[], None]) -> None:
-        """To the end of the stretch that it has entered, or of a part of it, from where it has come to."""
+        """Integrate from the last row to the end of the stretch that was entered, or of a part of it."""
         if self.recorder.count > self._first + 1:
             self._first, self._boundary = self.recorder.count - 1, len(self.recorder.boundaries)
         own = replace(self._own(stretch), opens=True)
@@ -193,12 +193,12 @@ class IndependentSystems:
 
     @property
     def equations(self) -> Problem:
-        """What is integrated now."""
+        """The equations that are integrated at present."""
         return self.problem if self.one is None else self.one.equations
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of the run."""
+        """Notes on the run."""
         return self._told if self.one is None else tuple(dict.fromkeys((*self._told, *self.one.notes)))
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
@@ -250,7 +250,7 @@ class IndependentSystems:
         return None
 
     def _passed(self, part: Stretch) -> None:
-        """A part of a stretch, by each system; what could not be passed apart is left to the whole."""
+        """A part of a stretch, system by system; if one fails, the model goes on as a whole."""
         try:
             for member in self.members:
                 member.advance(part, self.interrupted)
@@ -270,7 +270,7 @@ class IndependentSystems:
         self.one.begin(t, Start(self._x, _NO_Z, ()), self._m, flag)
 
     def _gather(self) -> None:
-        """Where the systems are, as values of the whole, and notes of what has happened up to there."""
+        """Collect states, modes and notes of all systems as those of the whole."""
         if self.one is not None:
             self._x, self._m = self.one.reached.x, self.one.reached.m
             self.terminated, self.pace = self.one.terminated, self.one.pace
@@ -322,11 +322,11 @@ class IndependentSystems:
         return None
 
     def library(self) -> Library[EventLoopProgram] | None:
-        """There is none for all of them."""
+        """None: each system has its own."""
         return None
 
     def failed(self, times: Vector) -> Segment:
-        """What could not be passed."""
+        """The segment that could not be integrated."""
         return (self.one or self.as_one()).failed(times)
 
     def end(self, t: float, samples: Vector) -> None:

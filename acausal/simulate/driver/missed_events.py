@@ -27,7 +27,7 @@ from acausal.simulate.events.location.between import interpolated
 from acausal.simulate.events.location.mesh import even
 from acausal.simulate.events.location.rows import nearest, roots, slopes, told
 from acausal.simulate.solvers.base import on_equations
-from acausal.simulate.solvers.segment import Piece, Segment
+from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 
 Integrate = Callable[[Problem, Segment], Piece]
 # Rows of a piece at least, and at most where arguments are not resolved by fewer. Many functions, as of contacts,
@@ -577,8 +577,7 @@ def _apart(points: Vector, rows: Vector) -> list[float]:
 def _joined(parts: list[Piece]) -> Piece:
     counters: dict[str, float] = {}
     for part in parts:
-        for name, n in part.counters.items():
-            counters[name] = counters.get(name, 0.0) + n
+        add_counters(counters, part.counters)
     return Piece(
         np.hstack([p.x for p in parts]), np.hstack([p.z for p in parts]), counters, parts[-1].stopped if parts else ""
     )

@@ -97,18 +97,18 @@ class Run:
 
     @property
     def u(self) -> Vector:
-        """Constant inputs; what varies is among the modes."""
+        """Constant inputs, shape (nu,); inputs over time are modes."""
         return self.inputs.u
 
     @property
     def hybrid(self) -> Hybrid | None:
-        """The events of variables, where there may be some, of the model as one system."""
+        """The dynamics with events of the model as one system; None where it has no events."""
         one = self.dynamics.one if isinstance(self.dynamics, IndependentSystems) else self.dynamics
         return one if isinstance(one, Hybrid) else None
 
     @property
     def independent(self) -> IndependentSystems | None:
-        """The systems that share no equation, where it is made of some."""
+        """The dynamics of systems that share no equation; None where the model is run as one."""
         return self.dynamics if isinstance(self.dynamics, IndependentSystems) else None
 
     @cached_property
@@ -118,7 +118,7 @@ class Run:
 
     @cached_property
     def tolerances(self) -> Tolerances:
-        """What the solvers get."""
+        """The tolerances of the solvers: a share of those of the run."""
         bends = self.solver.multistep and self.tables.are_dense
         share = share_of(self.compiled, self.solver, self.options.tolerance, bends)
         return self.options.tolerances.scaled(share)
@@ -198,7 +198,7 @@ class Run:
         return result
 
     def start(self) -> Result:
-        """Where the run starts, as a result of one row: before anything happens there."""
+        """The start of the run as a result of one row, before any event there."""
         opts = self.options
         m = self.modes(*known_instants(self.compiled, self.p, self.inputs, opts.start_time, opts.stop_time)[:2])
         start = self.begun(m)
@@ -209,7 +209,7 @@ class Run:
 
     @cached_property
     def tables(self) -> Kinks:
-        """What long tables of time ask of a solver that chooses its steps."""
+        """Stops and longest steps that long tables of time demand of a solver with step control."""
         opts = self.options
         if self.solver.fixed_step or opts.step is not None:
             return NONE
@@ -286,7 +286,7 @@ class Run:
         return self.integrate(regime.problem, segment)
 
     def integrate(self, problem: Problem, segment: Segment, solver: Solver | None = None) -> Piece:
-        """The solver, whose failure is KeyboardInterrupt when Ctrl-C was its reason."""
+        """Call the solver; KeyboardInterrupt where Ctrl-C was the reason of its failure."""
         try:
             own = solver or self.solver
             search = self.missed_events(problem.compiled, own)
@@ -299,17 +299,17 @@ class Run:
         return piece
 
     def missed_events(self, compiled: CompiledModel, solver: Solver) -> MissedEvents | None:
-        """What searches behind a solver, where equations of this run hold something steep."""
+        """The search for events that a solver misses; None for equations without steep functions."""
         if not self.searches or arguments(compiled) is None:
             return None
         return MissedEvents(solver.integrate, self.unsearched.append)
 
     def segment(self, here: float, times: Vector, x: Vector, z: Vector, m: Vector) -> Segment:
-        """What a solver is asked: from `here` over the output times `times`."""
+        """The task of a solver: from `here` over the output times `times`."""
         return Segment(here, times, x, z, m, self.tolerances, self.options.step, self.options.max_step)
 
     def report(self, t: float) -> None:
-        """Say how far the run is."""
+        """Report the progress of the run."""
         if self.progress is not None:
             self.progress((t - self.options.start_time) / self.options.span, t)
             self.warn_of_rounding(t)
@@ -338,7 +338,7 @@ class Run:
         return np.asarray(self.inputs.into(self.compiled, m[None, :], np.array([middle]))[0])
 
     def begun(self, m: Vector) -> Start:
-        """Where the run starts: at the states it was given, or where the start conditions say."""
+        """The start values: the states that were given, or the solution of the start conditions."""
         t = self.options.start_time
         if self.given is None:
             return initialize(self.compiled, t, self.p, self.u, m)
@@ -381,7 +381,7 @@ class Run:
         return piece, regime.modes(times, piece.x, piece.z, m)
 
     def ruled_by_rounding(self, recorder: Recorder, reached: float) -> tuple[str, ...]:
-        """The note for a run of many steps up to `reached` that a finer tolerance than can be attained asked for."""
+        """A note on a run of many steps up to `reached`, if its tolerance is below what rounding allows."""
         opts, steps = self.options, recorder.counters.get("steps", 0.0)
         if self.solver.fixed_step or opts.step is not None or len(self.inputs.breaks):
             return ()

@@ -1,4 +1,4 @@
-"""A run that nothing but its schedule interrupts: between two stops it is one call of the solver."""
+"""A run without events of variables: one call of the solver between two stops."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Smooth:
 
     @property
     def equations(self) -> Problem:
-        """What is integrated."""
+        """The equations that are integrated."""
         return self.problem
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
@@ -100,7 +100,7 @@ class Smooth:
         return self.recorder.add(times, piece, self.reached.m)
 
     def _integrated(self, segment: Segment) -> Piece:
-        """The solver; where it fails, what can be saved in smaller pieces."""
+        """Call the solver; where it fails, record what smaller pieces reach."""
 
         try:
             return self._solved(segment)
@@ -125,7 +125,7 @@ class Smooth:
             raise
 
     def _solved(self, segment: Segment) -> Piece:
-        """The solver; what it has when it is interrupted is recorded."""
+        """Call the solver; its rows are recorded if it is interrupted."""
         try:
             return self.integrate(self.problem, segment)
         except Interrupted as stop:
@@ -204,7 +204,7 @@ class Smooth:
         return program(self.problem, self.solver, self.template)
 
     def failed(self, times: Vector) -> Segment:
-        """What could not be passed."""
+        """The segment that could not be integrated."""
         if self._failed is not None:
             return self._failed
         here, moment = self.recorder.time, self.reached

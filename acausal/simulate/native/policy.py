@@ -103,7 +103,7 @@ _MEMORIES: WeakKeyDictionary[CompiledModel, Memory] = WeakKeyDictionary()
 
 
 def expect(compiled: CompiledModel, evaluations: float) -> None:
-    """Say that so many evaluations are still to come, in many runs: what was spent so far says less."""
+    """Announce so many evaluations, in many runs; they decide more than what was spent so far."""
     _MEMORIES.setdefault(compiled, Memory()).expected = evaluations
 
 
@@ -220,7 +220,7 @@ class Native:
         return self.wanted is not False and (self.wanted is True or self._spent(plugin) >= _REPAID)
 
     def notes(self, solver: str) -> tuple[str, ...]:
-        """What a run has to say that asked for compiled code and got none."""
+        """Notes for a run that asked for compiled code and got none."""
         if not self.wanted or self.used:
             return ()
         if cache.compiler() is None:

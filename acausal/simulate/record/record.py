@@ -327,7 +327,7 @@ class _Variables(Mapping[str, Signal]):
         return Signal(name, d.unit, d.doc)
 
     def node(self, name: str) -> int:
-        """What a variable is, as a node of the reduced pool."""
+        """The node of a variable in the reduced pool."""
         return self._found(name)[1]
 
     def _found(self, name: str) -> tuple[Declaration, int]:

@@ -1,1 +1,1 @@
-"""Runs of models whose structure follows their state."""
+"""Runs of models whose structure depends on their state."""

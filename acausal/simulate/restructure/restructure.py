@@ -88,7 +88,7 @@ class Skin:
     _rows: int = 0
 
     def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
-        """The next look; nothing happens at it."""
+        """The next check of the skin, which is no event."""
         self._from = here
         end = until if here + 1.2 * self.length >= self.stop else here + self.length
         return min(end, until), ()
@@ -128,7 +128,7 @@ class Skin:
         return True
 
     def _used(self, seen: Seen, rows: int) -> Array:
-        """How far the choices are used up at each row."""
+        """How much of the skin is used up at each row [1]."""
         used = np.zeros(rows)
         for path, choice in self.choices.items():
             used = np.maximum(used, choice.moved(self.before[path], seen[path]))
@@ -136,7 +136,7 @@ class Skin:
 
 
 def at_row(seen: Seen, row: int) -> dict[str, dict[str, Array]]:
-    """What the components watch, at one of the rows."""
+    """Values of the watched signals at a row."""
     return {path: {name: values[row] for name, values in own.items()} for path, own in seen.items()}
 
 
@@ -223,7 +223,7 @@ class Pieces:
             self.timings[name] = self.timings.get(name, 0.0) + seconds
 
     def watch(self) -> Watch:
-        """Where the signals are that this structure is chosen by."""
+        """The signals by which this structure is chosen."""
         return Watch.of(self._compiled, {path: c.watched() for path, c in self.choices.items()})
 
     def present(self) -> dict[str, object]:
@@ -304,7 +304,7 @@ class Pieces:
         return joined
 
     def remarks(self, joined: Result) -> list[str]:
-        """What the components have to say about the run."""
+        """Messages of the components about the run."""
 
         def largest(name: str) -> float:
             found = np.asarray(joined[name], dtype=float) if name in joined else np.zeros(1)

@@ -81,7 +81,7 @@ def structure(
 
 
 def _key(recipe: Recipe, parameters: Mapping[str, object], choices: Mapping[str, Choice]) -> Hashable | None:
-    """What decides the equations; None where that is not known for certain."""
+    """The key of a structure: all that determines its equations; None where that is uncertain."""
     if not recipe.cache or not all(type(v) in (int, float, str) for v in parameters.values()):
         return None
     wishes = recipe.formulation, recipe.freeze, recipe.quasi_static, tuple(parameters.items())

@@ -1,1 +1,1 @@
-"""How large fixed steps may be."""
+"""Stability limits of fixed steps."""
