@@ -12,6 +12,7 @@ from hypothesis import settings
 
 from acausal.simulate.native import cache
 from tests.known_failures import reason
+from tests.slow_cases import is_slow, unknown
 
 # Compiled libraries of the developer's own models are neither used nor added to.
 os.environ.setdefault("ACAUSAL_CACHE", str(Path(tempfile.gettempdir()) / "acausal-tests"))
@@ -24,20 +25,32 @@ settings.load_profile("acausal")
 
 ROOT = Path(__file__).resolve().parents[1]
 
-
-def pytest_configure(config: pytest.Config) -> None:
-    """The quick part compiles C without optimisation, a fifth of the time: what it asserts are numbers, and those are
-    the same. The slow part compiles as users do."""
-    if config.option.markexpr == "not slow":
-        cache.FLAGS = ("-O0", *cache.FLAGS[1:])
+# Where compiled code itself is on trial: there the slow part compiles as users do.
+OPTIMISED = ("tests/matrix/", "tests/random/", "tests/simulate/test_native")
+USERS_FLAGS = cache.FLAGS
+cache.FLAGS = ("-O0", *USERS_FLAGS[1:])
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Known failures are expected, and reported as soon as they are gone."""
+@pytest.fixture(autouse=True)
+def flags(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """C is compiled without optimisation in a fifth of the time: tests assert numbers, and those are the same."""
+    item: pytest.Item = request.node
+    if item.get_closest_marker("slow") is not None and item.nodeid.startswith(OPTIMISED):
+        monkeypatch.setattr(cache, "FLAGS", USERS_FLAGS)
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves out what is marked as slow
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Known failures are expected, and reported as soon as they are gone; long cases are slow."""
     for item in items:
         why = reason(item.nodeid)
         if why is not None:
             item.add_marker(pytest.mark.xfail(strict=True, reason=why, run=not why.startswith("hangs")))
+        if is_slow(item.nodeid):
+            item.add_marker(pytest.mark.slow)
+    left = unknown(item.nodeid for item in items)
+    if left and config.args in (["tests"], [str(ROOT / "tests")]) and not config.option.keyword:
+        raise pytest.UsageError(f"tests/slow_cases.txt names cases that are no more: {'; '.join(left)}")
 
 
 def pytest_collection_finish() -> None:

@@ -9,11 +9,9 @@ Blocks are taken in the order of the page, in one empty folder and one namespace
 
 from __future__ import annotations
 
-import os
 import re
 import runpy
 import shlex
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -77,22 +75,6 @@ def run_python(block: Block, namespace: dict[str, Any], folder: Path) -> None:
     exec(compile(block.body, str(file), "exec", dont_inherit=True), namespace)
 
 
-def run_command(line: int, arguments: list[str]) -> None:
-    """Run a command as a process of its own."""
-    program = "from acausal.cli.main import app; app(prog_name='acausal')"
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-    done = subprocess.run(
-        [sys.executable, "-c", program, *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-        stdin=subprocess.DEVNULL,
-        timeout=600,
-    )
-    assert_done(line, arguments, Outcome(done.returncode, done.stdout, done.stderr))
-
-
 def assert_done(line: int, arguments: list[str], found: Outcome) -> None:
     shown = f"README.md:{line}: acausal {shlex.join(arguments)}"
     assert found.code == 0, f"{shown}\nexit {found.code}\n{found.out}\n{found.err}"
@@ -127,9 +109,7 @@ def test_readme_runs_and_moves(
             run_python(block, namespace, tmp_path)
         elif block.language == "console":
             for line, arguments in commands(block):
-                if verbs is None:
-                    run_command(line, arguments)
-                elif arguments[0] in verbs:  # here, without the imports of a process
+                if verbs is None or arguments[0] in verbs:  # in this process, without the imports of one for each
                     assert_done(line, arguments, run(*arguments))
         for name, value in namespace.items():
             if isinstance(value, Result) and id(value) not in checked:

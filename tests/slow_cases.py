@@ -1,0 +1,26 @@
+"""Cases that are left to the slow part although their parameters do not say so: a list that a measurement writes.
+
+A case is on it if it takes 0.3 s of processor time or more, and if a cheaper case of the same test stays in the quick
+part. So every test keeps a quick case, and which one is not a matter of taste. `pytest --durations=0 -vv` on a quiet
+machine says what is to be added.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+FILE = Path(__file__).with_suffix(".txt")
+CASES = frozenset(FILE.read_text(encoding="utf-8").splitlines())
+
+
+def is_slow(nodeid: str) -> bool:
+    """Whether the list has the case with this identifier."""
+    return nodeid.removeprefix("tests/") in CASES
+
+
+def unknown(nodeids: Iterable[str]) -> list[str]:
+    """Rows of the list that are none of these identifiers, though their file is there (it may need a library)."""
+    found = {nodeid.removeprefix("tests/") for nodeid in nodeids}
+    files = {nodeid.split("::", 1)[0] for nodeid in found}
+    return sorted(row for row in CASES - found if row.split("::", 1)[0] in files)
