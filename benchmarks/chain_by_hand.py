@@ -20,7 +20,7 @@ from measure import report, rounded
 from scenes import AXES, DAMPING, INERTIA, LENGTH, MASS, SpatialChain
 
 import acausal
-from acausal.simulate.native.functions import native
+from acausal.simulate.native.cache import native
 from acausal.study.bench.measure import processor_clock
 
 

@@ -20,7 +20,7 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, parameter, private, quantity, time, variable, where
 from acausal.errors import IntegrationError
 from acausal.simulate.native import cache, policy
-from acausal.simulate.native.functions import native
+from acausal.simulate.native.cache import native
 
 COMPILER = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
 

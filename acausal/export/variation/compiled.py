@@ -17,7 +17,7 @@ from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import STAGES, in_c
 from acausal.simulate.native import cache as libraries
 from acausal.simulate.native import source
-from acausal.simulate.native.functions import made
+from acausal.simulate.native.cache import made
 from acausal.simulate.native.program import address
 
 _DONE, _FULL, _STIFF, _LOST = range(4)

@@ -1,4 +1,4 @@
-"""Libraries on disk, found by what they were made from: the key is a hash of everything of it (`acausal.private`)."""
+"""Compiled libraries on disk, and the functions made of them; the key is a hash of all they are made from."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
+from acausal.private import discard, place
 from acausal.private import find as file_of
 from acausal.private import folder as folder_of
 from acausal.private import home as home_of
-from acausal.private import place
+from acausal.simulate.native.source import functions
 
 _log = logging.getLogger(__name__)
 
@@ -134,3 +137,38 @@ def _end(process: subprocess.Popen[str]) -> None:
     else:
         process.kill()
     process.communicate()
+
+
+def native(function: Any, *companions: Any) -> Any | None:
+    """The function as compiled C; None when it cannot be had, which is never an error.
+
+    `function`: A CasADi function; its name stays.
+    `companions`: More functions for the same library. CasADi takes a function that is derived from an external one,
+    such as an integrator's `jacF`, from the library when it is there by that name.
+    """
+    parts = (function, *companions)
+    known = key("functions", *(part.serialize() for part in parts))
+    return made(known, lambda: functions(*parts), lambda path: ca.external(function.name(), str(path)))
+
+
+def made(wanted: str, text: Callable[[], str | None] | None, load: Callable[[Path], Any]) -> Any | None:
+    """What `load` makes of the library of this key; without `text` only when it is there already.
+
+    A library that does not load is removed and made again, once.
+    """
+    path = find(wanted)
+    found = _loaded(path, load)
+    if found is not None or text is None or compiler() is None:
+        return found
+    written = text()
+    return None if written is None else _loaded(build(wanted, written), load)
+
+
+def _loaded(path: Path | None, load: Callable[[Path], Any]) -> Any | None:
+    if path is None:
+        return None
+    try:
+        return load(path)
+    except (OSError, AttributeError, RuntimeError):
+        discard(path)
+        return None

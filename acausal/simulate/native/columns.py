@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.native import cache
-from acausal.simulate.native.functions import made
+from acausal.simulate.native.cache import made
 from acausal.simulate.native.program import address
 
 Whole = NDArray[np.int32]

@@ -30,10 +30,10 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.scaled import UNIT, measured
 from acausal.simulate.native import cache, source
+from acausal.simulate.native.cache import made
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.event_loop import source as event_loop_source
-from acausal.simulate.native.functions import made
 from acausal.simulate.native.program import HeunProgram
 
 T = TypeVar("T")
