@@ -21,6 +21,7 @@ from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.calls.in_columns import InColumns, derived, in_columns
+from acausal.simulate.equations.calls.raw import Kept
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
 from acausal.simulate.native.columns import is_long
@@ -72,7 +73,7 @@ class ScaledEquations:
         else:
             self._p, self._u = (v.copy() for v in values)
             self._columns = compiled.mapped(zeros)
-        self._integrators: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
+        self._integrators: OrderedDict[tuple[Any, ...], Kept] = OrderedDict()
         self._derived: OrderedDict[_Form, tuple[Any, dict[str, Any]]] = OrderedDict()
         self._reused: dict[_Form, tuple[Any, Reused]] = {}
         self._in_columns: dict[_Form, tuple[Any, InColumns | None]] = {}
@@ -266,7 +267,7 @@ class ScaledEquations:
         *,
         native: bool = False,
         by_columns: bool = False,
-    ) -> Any:
+    ) -> Kept:
         """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`.
 
         For one call: what is kept for its steps is forgotten here.
@@ -280,10 +281,11 @@ class ScaledEquations:
         if reused is not None:
             reused.begin()
         # a function has one memory that is its own: no two threads may share it
-        key = *form, grid.tobytes(), repr(sorted(settings.items())), by_columns
+        given = tuple((name, v if isinstance(v, (float, int, str)) else repr(v)) for name, v in settings.items())
+        key = *form, grid.tobytes(), given, by_columns
         found = self._integrators.pop(key, None)
         if found is None:
-            found = self._made(form, dae, grid, settings, by_columns)
+            found = Kept(self._made(form, dae, grid, settings, by_columns))
         self._integrators[key] = found
         if len(self._integrators) > min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)):
             self._integrators.popitem(last=False)

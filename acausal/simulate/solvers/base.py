@@ -28,7 +28,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
-from acausal.simulate.equations.calls.raw import called
 from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import time_ends
@@ -120,10 +119,7 @@ class CasadiSolver:
                 raise RuntimeError(stopped)
             x, scaled_z = x[:, :count], scaled_z[:count]
             segment = replace(segment, times=segment.times[:count])
-        apart = islands(problem, segment) if segment.shares is None else constant(problem, segment)
-        others = apart, unmoved(problem, segment)
-        if sum(map(len, others)):
-            x = np.vstack([x, *others])
+        x = _whole(problem, segment, x)
         if self.algebraic:
             z = scaled_z.T * problem.scale_z[:, None]
             z = on_equations(problem, segment, x, z)
@@ -186,7 +182,7 @@ class CasadiSolver:
         if segment.shares is not None:
             arguments["p"] = np.append(arguments["p"], segment.length)
         try:
-            (x, z), stats = called(integrator, {**arguments, **more}, ("xf", "zf"), partial=segment.partial)
+            (x, z), stats = integrator({**arguments, **more}, ("xf", "zf"), partial=segment.partial)
         except Interrupted as stop:
             stop.rows = order.back(*stop.rows) if stop.rows else ()
             if stop.rows and units is not None:
@@ -255,10 +251,19 @@ def growth(
     return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances, breaks))
 
 
-def constant(problem: Problem, segment: Segment) -> Vector:
-    """The same as they are at the start; shape (nq, n)."""
-    own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
-    return np.tile(segment.x[own, None], (1, len(segment.times)))
+def _whole(problem: Problem, segment: Segment, x: Vector) -> Vector:
+    """All states at the output times: those of the coupled system, integrals that act on nothing, discrete variables.
+
+    Between looks nobody asks for the integrals, which are as they were at the start then.
+    """
+    n, nq = problem.n_dynamic, problem.compiled.quadratures
+    if len(segment.x) == n:
+        return x
+    found = np.empty((len(segment.x), x.shape[1]))
+    found[:n], found[n:] = x, segment.x[n:, None]
+    if nq and segment.shares is None:
+        found[n : n + nq] = islands(problem, segment)
+    return found
 
 
 def unmoved(problem: Problem, segment: Segment) -> Vector:

@@ -28,43 +28,80 @@ Array = NDArray[np.float64]
 def called(
     function: Any, arguments: Mapping[str, Array], wanted: Sequence[str], *, partial: bool = False
 ) -> tuple[list[Array], dict[str, Any]]:
-    """Outputs of one call and its statistics; arguments left out are zero.
+    """Outputs of one call and its statistics, see `Kept`."""
+    return Kept(function)(arguments, wanted, partial=partial)
 
-    Matrices are column by column, as CasADi stores them: an output of shape (m, n) comes back as (n, m).
 
-    Raises RuntimeError when the function fails, Interrupted with the rows it has written when it was asked to end. With
-    `partial` it returns what an integrator has written before it failed, nan behind, and the statistics have an entry
-    "stopped" with the failure.
-    """
-    buffer, run = function.buffer()
-    held = [np.ascontiguousarray(value, dtype=np.float64) for value in arguments.values()]
-    for name, value in zip(arguments, held, strict=True):
-        if value.size:
-            buffer.set_arg(function.index_in(name), value.reshape(-1).data)
-    results = []
-    for name in wanted:
-        place = function.index_out(name)
-        rows, columns = function.size_out(place)
-        results.append(np.full((columns, rows), np.nan))
-        if results[-1].size:
-            buffer.set_res(place, results[-1].reshape(-1).data)
-    stopped, before = "", _calls(function)
-    try:
-        with without_chatter():  # what fails is raised or tried again
-            run()
-        if buffer.ret():
-            raise RuntimeError(f"{function.name()} returned {buffer.ret()}")
-    except (RuntimeError, KeyboardInterrupt) as error:
-        if is_interrupted():
-            done = min(_written(rows) for rows in results)
-            raise Interrupted(*(rows[:done] for rows in results)) from None
-        if not partial:
-            raise
-        stopped = str(error)
-    # a buffer has a memory of its own, behind the one that every function is made with
-    stats = function.stats(1)
-    own = {name: stats[name] - count for name, count in before.items()}
-    return results, {**stats, **own, **({"stopped": stopped} if stopped else {})}
+class Kept:
+    """A function called again and again by one thread through the same memory, which nobody else may use."""
+
+    def __init__(self, function: Any) -> None:
+        self.function = function
+        self._buffer, self._run = function.buffer()
+        self._inputs: dict[str, Array] = {}
+        self._outputs: dict[str, tuple[int, tuple[int, int]]] = {}
+        self._counts: dict[str, int] = {}
+
+    def __call__(
+        self, arguments: Mapping[str, Array], wanted: Sequence[str], *, partial: bool = False
+    ) -> tuple[list[Array], dict[str, Any]]:
+        """Outputs of one call and its statistics; arguments left out are zero.
+
+        Matrices are column by column, as CasADi stores them: an output of shape (m, n) comes back as (n, m).
+
+        Raises RuntimeError when the function fails, Interrupted with the rows it has written when it was asked to end.
+        With `partial` it returns what an integrator has written before it failed, nan behind, and the statistics have
+        an entry "stopped" with the failure.
+        """
+        self._set(arguments)
+        results = [self._result(name) for name in wanted]
+        stopped = ""
+        try:
+            with without_chatter():  # what fails is raised or tried again
+                self._run()
+            if self._buffer.ret():
+                raise RuntimeError(f"{self.function.name()} returned {self._buffer.ret()}")
+        except (RuntimeError, KeyboardInterrupt) as error:
+            if is_interrupted():
+                done = min(_written(rows) for rows in results)
+                raise Interrupted(*(rows[:done] for rows in results)) from None
+            if not partial:
+                raise
+            stopped = str(error)
+        # a buffer has a memory of its own, behind the one that every function is made with
+        stats = self.function.stats(1)
+        for name in [name for name in stats if name.startswith("n_call_")]:  # these go on from call to call
+            count = stats[name]
+            stats[name] = count - self._counts.get(name, 0)
+            self._counts[name] = count
+        if stopped:
+            stats["stopped"] = stopped
+        return results, stats
+
+    def _set(self, arguments: Mapping[str, Array]) -> None:
+        """Copy arguments to their place: to tell CasADi of another takes longer than to copy a small one."""
+        for name, value in arguments.items():
+            place = self._inputs.get(name)
+            if place is None:
+                place = self._inputs[name] = np.zeros(self.function.numel_in(name))
+                if place.size:
+                    self._buffer.set_arg(self.function.index_in(name), place.data)
+            if place.size:
+                place[:] = np.reshape(value, -1)
+        for name in self._inputs.keys() - arguments.keys():
+            self._inputs[name][:] = 0.0
+
+    def _result(self, name: str) -> Array:
+        """New memory for an output; what is written to it is not copied again."""
+        known = self._outputs.get(name)
+        if known is None:
+            place = self.function.index_out(name)
+            rows, columns = self.function.size_out(place)
+            known = self._outputs[name] = place, (columns, rows)
+        result = np.full(known[1], np.nan)
+        if result.size:
+            self._buffer.set_res(known[0], result.reshape(-1).data)
+        return result
 
 
 class Repeated:
@@ -95,15 +132,6 @@ class Repeated:
                 raise Interrupted from None
             raise
         return self._xf.copy(), self.function.stats(1)
-
-
-def _calls(function: Any) -> dict[str, int]:
-    """Counts that go on from one call of a kept function to the next."""
-    try:
-        found = function.stats(1)
-    except RuntimeError:  # not called so far
-        return {}
-    return {name: count for name, count in found.items() if name.startswith("n_call_")}
 
 
 def _written(rows: Array) -> int:

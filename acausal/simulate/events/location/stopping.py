@@ -422,9 +422,10 @@ class Stepper:
         with contextlib.redirect_stderr(
             io.StringIO()
         ):  # CasADi says at every construction that events are experimental
-            return self._form.integrator(
+            made = self._form.integrator(
                 self.plugin, self._own.dae, ends, {**settings, "transition": self._own.transition}
             )
+        return made.function
 
 
 def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[EventLoopProgram] | None:
