@@ -72,6 +72,7 @@ class Guards:
         self.span = span
         self.step = 0.0
         """Mean step of the solver [s], as far as it is known."""
+        self._last: tuple[float, Moment, float, tuple[Vector, Vector, Vector]] | None = None
         compiled = problem.compiled
         self.first = compiled.n_modes - len(compiled.state_events.relations)
 
@@ -108,9 +109,15 @@ class Guards:
         return np.minimum(at.regime.active_set.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
 
     def state(self, t: float, at: Moment) -> tuple[Vector, Vector, Vector]:
-        """Distances at the end of a step, their rates, and by how much they can be wrong."""
-        distances = self.distances(t, at)
-        return distances, *self.rates(t, at, distances=distances)
+        """Distances at the end of a step, their rates, and by how much they can be wrong.
+
+        What a stretch begins with is asked for twice: for the bands of its guards, and by the search.
+        """
+        known = self._last
+        if known is None or known[0] != t or known[1] is not at or known[2] != self.step:
+            distances = self.distances(t, at)
+            known = self._last = t, at, self.step, (distances, *self.rates(t, at, distances=distances))
+        return known[3]
 
     def rates(
         self, t: float, at: Moment, *, between: bool = False, distances: Vector | None = None

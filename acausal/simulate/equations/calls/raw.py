@@ -104,36 +104,6 @@ class Kept:
         return result
 
 
-class Repeated:
-    """An integrator `(x0, p, u) -> xf` over n intervals, called again and again by one thread through the same memory.
-
-    `u` has shape (n, nu), `xf` shape (n, nx).
-    """
-
-    def __init__(self, function: Any) -> None:
-        self.function = function
-        self._buffer, self._run = function.buffer()
-        self._x0, self._p = (np.zeros(function.numel_in(name)) for name in ("x0", "p"))
-        self._u, self._xf = np.zeros(function.size_in("u")[::-1]), np.zeros(function.size_out("xf")[::-1])
-        for name, value in (("x0", self._x0), ("p", self._p), ("u", self._u)):
-            self._buffer.set_arg(function.index_in(name), value.reshape(-1).data)
-        self._buffer.set_res(function.index_out("xf"), self._xf.reshape(-1).data)
-
-    def __call__(self, x0: Array, p: Array, u: Array) -> tuple[Array, dict[str, Any]]:
-        """The states at the ends of the intervals and its statistics; raises as `called` does."""
-        self._x0[:], self._p[:], self._u[:], self._xf[:] = x0, p, u, np.nan
-        try:
-            with without_chatter():
-                self._run()
-            if self._buffer.ret():
-                raise RuntimeError(f"{self.function.name()} returned {self._buffer.ret()}")
-        except (RuntimeError, KeyboardInterrupt):
-            if is_interrupted():
-                raise Interrupted from None
-            raise
-        return self._xf.copy(), self.function.stats(1)
-
-
 def _written(rows: Array) -> int:
     """How many rows are there: an integrator writes one after the other."""
     missing = ~np.isfinite(rows).all(axis=1)

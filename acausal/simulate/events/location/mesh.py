@@ -73,6 +73,13 @@ def _total(count: NDArray[np.int64]) -> Vector:
     return np.asarray((_GROWTH**count - 1.0) / (_GROWTH - 1.0), dtype=np.float64)
 
 
+@cache
+def _reaches(most: int) -> tuple[NDArray[np.int64], Vector]:
+    """Numbers of looks, up to so many, and how far each reaches, in spacings."""
+    counts = _FEWEST * 2 ** np.arange(1 + int(math.log2(most // _FEWEST)))
+    return counts, _total(counts)
+
+
 def growing(length: float, first: float, spacing: float, most: int, least: float) -> tuple[float, Vector]:
     """How far mesh points reach, at most over a length, and their shares of it (`shares`).
 
@@ -80,8 +87,8 @@ def growing(length: float, first: float, spacing: float, most: int, least: float
     be apart.
     """
     spacing = max(spacing, least)
-    counts = _FEWEST * 2 ** np.arange(1 + int(math.log2(most // _FEWEST)))
-    reach = spacing * _total(counts)
+    counts, spacings = _reaches(most)
+    reach = spacing * spacings
     k = int(np.argmax(reach >= length)) if reach[-1] >= length else len(counts) - 1
     if reach[k] >= length:
         spacing *= length / float(reach[k])

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,7 @@ _OPENING, _WIDER = 16.0, 2.0
 _MANY, _PROGRESS = 100, 1e-6
 # And so many steps by this one, whatever the outputs are.
 _PATIENCE, _ADVANCE = 20_000, 1e-4
+_NOTHING = np.zeros((1, 1))
 # Pieces of what is left where a stretch without guards needs more steps than one call of a solver may take.
 _FINER = 1000
 
@@ -82,14 +84,23 @@ class _Start:
     rates: Vector
     noises: Vector
 
+    @cached_property
+    def is_left(self) -> bool:
+        """Whether there are such guards."""
+        return bool(self.leaving.any())
+
     def near(self, times: Vector) -> Vector:
-        """How far below zero guards may be by rounding, as they have just left it; shape (n, guards)."""
+        """How far below zero guards may be by rounding, as they have just left it; shape (n, guards), or 0 for all."""
+        if not self.is_left:
+            return _NOTHING
         with np.errstate(divide="ignore", invalid="ignore"):
             gone = LOCATED * (times - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
         return np.asarray(self.noises * np.clip(1.0 - gone, 0.0, 1.0))
 
     def judged(self, times: Vector, values: Vector) -> Vector:
         """What must not be negative, at n instants; shape (n, guards)."""
+        if not self.is_left:
+            return values
         found = values.copy()
         k = self.leaving
         since = (times - self.time)[:, None]
@@ -342,12 +353,11 @@ class Search:
     def _seen(self, way: _Way, asked: Segment, piece: Piece, rows: NDArray[np.int64]) -> _Seen:
         moment = way.moment
         times, plain = asked.times[rows], np.zeros((len(rows), len(way.band)))
-        near = plain
+        values = plain
         if moment.regime.active_set.owners and len(rows):
-            x, z = piece.x[:, rows], piece.z[:, rows]
+            x, z = (piece.x, piece.z) if len(rows) == piece.x.shape[1] else (piece.x[:, rows], piece.z[:, rows])
             plain = self.guards.along(times, x, z, moment.m, moment.regime) + way.band
-            near = way.start.near(times)
-        values = plain + near
+            values = plain + way.start.near(times)
         if len(values):
             way.largest = np.maximum(way.largest, np.abs(values).max(axis=0))
         times, before = np.append(way.times, times), way.values
@@ -505,7 +515,7 @@ class Search:
                     z = on_equations(moment.regime.problem, there, x[:, None], z[:, None])[:, 0]
             at = replace(moment, x=x, z=z)
             distances, rate, noise = self.guards.state(t, at)
-            value = float((distances + way.band + way.start.near(np.array([t]))[0])[which])
+            value = float((distances + way.band + way.start.near(np.array([t])))[0, which])
             if turn + 1 == _MOST_TURNS:
                 break
             if jumps[which] and value > 0.0:  # of another integration the end of rest is elsewhere

@@ -25,7 +25,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.calls.buffered import BufferedFunction
-from acausal.simulate.equations.calls.raw import Repeated
+from acausal.simulate.equations.calls.raw import Kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.scaled import ScaledEquations, with_values
 from acausal.simulate.events.guards import LOCATED, Guards, Moment, located, resting_band
@@ -325,7 +325,7 @@ class Stepper:
         # but for the time at which an interval begins, which comes last
         self._numbers = regime.problem.numbers(segment.p, segment.x, segment.start)
         self.interpreted = 0.0
-        self._integrators: dict[tuple[float, ...], Repeated] = {}
+        self._integrators: dict[tuple[float, ...], Kept] = {}
         if self.library is None:
             self._form, self._own, self._constants = _interpreted(regime)
         else:
@@ -396,11 +396,11 @@ class Stepper:
             np.concatenate([self._constants, self._numbers[:-1]]),
             np.column_stack([np.arange(0.0, len(lengths)), times[:-1], lengths, bands]),
         )
-        found, stats = self._integrators[key](x0, p, u)
+        (found,), stats = self._integrators[key]({"x0": x0, "p": p, "u": u}, ("xf",))
         self.interpreted += float(stats["n_rhs"]) + _CALLING * len(lengths)
         return found, stats
 
-    def _kept(self, key: tuple[float, ...]) -> Repeated:
+    def _kept(self, key: tuple[float, ...]) -> Kept:
         """The integrator for these sizes, made for all runs of a thread."""
         asked = self.segment
         whole = self.plugin, asked.tolerances, asked.most_steps, *key, threading.get_ident()
@@ -409,10 +409,10 @@ class Stepper:
             if len(known) >= _MOST_KEPT:
                 known.clear()
             sizes: dict[str, float] = dict(zip(("step0", "step_size", "max_step_size"), key[1:], strict=True))
-            known[whole] = Repeated(self._made(np.arange(1.0, key[0] + 1.0), sizes))
+            known[whole] = self._made(np.arange(1.0, key[0] + 1.0), sizes)
         return known[whole]
 
-    def _made(self, ends: Vector, sizes: dict[str, float]) -> Any:
+    def _made(self, ends: Vector, sizes: dict[str, float]) -> Kept:
         settings: dict[str, Any] = {
             **_settings(self.segment),
             # few different ones, as each makes another integrator
@@ -422,10 +422,9 @@ class Stepper:
         with contextlib.redirect_stderr(
             io.StringIO()
         ):  # CasADi says at every construction that events are experimental
-            made = self._form.integrator(
+            return self._form.integrator(
                 self.plugin, self._own.dae, ends, {**settings, "transition": self._own.transition}
             )
-        return made.function
 
 
 def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[EventLoopProgram] | None:
@@ -480,7 +479,7 @@ class _Interpreted:
     dae: Any
     transition: Any
     constants: BufferedFunction | None
-    integrators: dict[tuple[Any, ...], Repeated] = field(default_factory=dict)
+    integrators: dict[tuple[Any, ...], Kept] = field(default_factory=dict)
 
 
 _MADE: WeakKeyDictionary[ScaledEquations, _Interpreted] = WeakKeyDictionary()
