@@ -38,7 +38,10 @@ class Arguments:
     owners: NDArray[np.int64]
     effects: Effects
     along: Callable[[], Any]
-    """`(t, x, z, u, p, m, v) -> (columns, their slopes, heights)` of dynamic states with the rates v; as `heights`."""
+    """`(t, x, z, u, p, m, v) -> (columns, their slopes, heights, relative rates)`, by rates v of dynamic states.
+
+    Heights are those of `Levels.heights`. A relative rate is a bound of the rate of both, over their size [1/s].
+    """
 
     def awake(self, m: Vector) -> NDArray[np.bool_]:
         """Columns of functions on which rates depend while these modes are in force; shape of the columns."""
@@ -173,8 +176,19 @@ def _along(symbols: Symbols, column: Any, kinds: tuple[Kind, ...], n: int) -> An
     v = ca.SX.sym("v", n)
     slopes = ca.jtimes(column, x, ca.vertcat(v, ca.SX.zeros(x.numel() - n))) + ca.jtimes(column, t, ca.SX(1))
     heights = [h for kind, own in zip(kinds, ca.vertsplit(column), strict=False) for h in _both_ends(kind, own)]
-    outputs = [column, ca.densify(slopes), ca.densify(ca.vertcat(*heights))]
+    both = zip(kinds, ca.vertsplit(column), ca.vertsplit(ca.densify(slopes)), strict=False)
+    rates = [_relative(kind, own, ca.fabs(slope)) for kind, own, slope in both]
+    outputs = [column, *map(ca.densify, (slopes, ca.vertcat(*heights), ca.vertcat(*rates)))]
     return ca.Function("steep", [*symbols.inputs, v], outputs)
+
+
+def _relative(kind: Kind, argument: Any, rate: Any) -> Any:
+    """The largest rate of what `_both_ends` are, relative to their size, at this rate of the argument."""
+    if kind == "tanh":
+        return 2.0 * rate
+    if isinstance(kind, Base):
+        return abs(kind.rate) * rate
+    return abs(kind) * rate / ca.fabs(argument) if isinstance(kind, float) else rate  # that of others is at most one
 
 
 def _both_ends(kind: Kind, argument: Any) -> tuple[Any, Any]:

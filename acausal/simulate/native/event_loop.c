@@ -151,18 +151,19 @@ static int look(void* looker, double t, const double* y, const double* rate, dou
   memcpy(l->x + s->dynamic, s->x + s->dynamic, (size_t) (s->states - s->dynamic) * sizeof(double));
   l->arg[0] = &at; l->arg[1] = l->x; l->arg[2] = 0; l->arg[3] = s->u; l->arg[4] = s->p; l->arg[5] = s->m; l->arg[6] = l->v;
   l->res[0] = found; l->res[1] = found + s->columns; l->res[2] = found + 2 * s->columns;
+  l->res[3] = found + 2 * (s->columns + s->functions);
   return steep(l->arg, l->res, l->iw, l->w, 0);
 }
 
 /* Memory for looks; 1 where there is none. */
 static int watching(struct event_loop* s, struct looker* l) {
   casadi_int sizes[4];
-  size_t each = 2 * (size_t) (s->columns + s->functions);
+  size_t each = (size_t) (2 * s->columns + 3 * s->functions);
   steep_work(sizes, sizes + 1, sizes + 2, sizes + 3);
   memset(l, 0, sizeof(*l));
   l->s = s;
   l->arg = malloc(sizeof(double*) * (size_t) (sizes[0] + 7));
-  l->res = malloc(sizeof(double*) * (size_t) (sizes[1] + 3));
+  l->res = malloc(sizeof(double*) * (size_t) (sizes[1] + 4));
   l->iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
   l->w = malloc(sizeof(double) * ((size_t) sizes[3] + 2 * (size_t) s->states + (LOOKS_OF_STEP + 2) * each + 1));
   if (!l->arg || !l->res || !l->iw || !l->w) return 1;
