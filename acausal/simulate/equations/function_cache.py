@@ -62,7 +62,6 @@ class FunctionCache:
 
     def __init__(self, compiled: CompiledModel) -> None:
         self._model = ref(compiled)  # what is kept for a model must not keep it alive
-        self._several: dict[int, BufferedFunction] = {}
         self._newton: dict[tuple[int, ...], Newton | None] = {}
         self._observers: dict[bool, tuple[Symbols, DefiningBuilder]] = {}
         self._observed: dict[tuple[tuple[int, ...], bool], Observing] = {}
@@ -106,14 +105,13 @@ class FunctionCache:
     def island_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
         """Rates at n instants, shape (nq, n), of the integrals of time that are solved apart.
 
-        They are by their nominal magnitudes; `m` and `d` have a row for each instant.
+        They are by their nominal magnitudes; `m` and `d` have a row for each instant, or are the same at all.
         """
-        n = len(times)
-        if n not in self._several:  # a run asks for the same few numbers of instants as the one before
-            if len(self._several) > 32:
-                self._several.clear()
-            self._several[n] = BufferedFunction(self.islands.map(n))
-        return self._several[n](times, np.tile(u, n), np.tile(p, n), m.ravel(), d.ravel())[0]
+        return self._island_rates.many(times[:, None], u, p, m, d).T
+
+    @cached_property
+    def _island_rates(self) -> BufferedFunction:
+        return BufferedFunction(self.islands)
 
     @cached_property
     def islands(self) -> Any:

@@ -55,9 +55,6 @@ End errors are proportional to the share, steps to its fifth root: 1.5 times as 
 of order 5 alike (docs/accuracy.md).
 """
 
-# Instants at which rates of integrals of time are evaluated at once: each takes a row of all parameters.
-_AT_ONCE = 20_000
-
 MOST_STEPS = 10**6
 """Steps between two output times of a one-step method: what a long run may need."""
 
@@ -240,10 +237,8 @@ def growth(
     compiled = problem.compiled
 
     def rates(instants: Vector, stretch: NDArray[np.int64]) -> Vector:
-        parts = range(0, len(instants), _AT_ONCE)
-        some = [(instants[k : k + _AT_ONCE], stretch[k : k + _AT_ONCE]) for k in parts]
-        found = [functions_of(compiled).island_rates(t, problem.u, problem.p, modes[s], discrete[s]) for t, s in some]
-        return np.hstack(found)
+        m, d = (values[0] if len(values) == 1 else values[stretch] for values in (modes, discrete))
+        return functions_of(compiled).island_rates(instants, problem.u, problem.p, m, d)
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
     found = time_ends(compiled, problem.p, accuracy.tolerances.relative)

@@ -15,7 +15,6 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.simulate.equations.calls.columns import by_columns
-from acausal.simulate.equations.calls.raw import rows
 
 # So many points are worth a function of their own, one for each power of two up to a block.
 _FEW, _BLOCK = 8, 1024
@@ -100,7 +99,7 @@ class BufferedFunction:
         n = max((len(a) for a in arguments if a.ndim == 2), default=1)
         size = self.function.numel_out(0)
         if n < _FEW or not size:
-            return rows(self.function, arguments)
+            return self._few(n, size, arguments)
         if n > _BLOCK:
             starts = range(0, n, _BLOCK)
             return np.vstack([self.many(*(a[k : k + _BLOCK] if a.ndim == 2 else a for a in arguments)) for k in starts])
@@ -111,7 +110,24 @@ class BufferedFunction:
             self._columns[key] = by_columns(self.function, *key)
         found = self._block(key)(n, size, arguments)
         # which of them has failed is not told
-        return rows(self.function, arguments) if found is None else found
+        return self._few(n, size, arguments) if found is None else found
+
+    def _few(self, n: int, size: int, arguments: Sequence[Vector]) -> Vector:
+        """The first output at n instants, one after the other."""
+        memory, found = self._memory, np.zeros((n, size))
+        if not size:
+            return found
+        varying = [(place, value) for place, value in zip(memory.inputs, arguments, strict=True) if value.ndim == 2]
+        for place, value in zip(memory.inputs, arguments, strict=True):
+            if value.ndim == 1:
+                place[:] = value
+        here = memory.outputs[0].reshape(-1, order="F")
+        for k in range(n):
+            for place, value in varying:
+                place[:] = value[k]
+            memory.run()
+            found[k] = np.nan if memory.buffer.ret() else here
+        return found
 
     def _block(self, key: tuple[int, tuple[int, ...]]) -> _Block:
         """The function at so many instants with memory of this thread, which is kept where that is little."""

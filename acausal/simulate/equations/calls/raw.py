@@ -40,7 +40,7 @@ class Kept:
         self._buffer, self._run = function.buffer()
         self._inputs: dict[str, Array] = {}
         self._outputs: dict[str, tuple[int, tuple[int, int]]] = {}
-        self._counts: dict[str, int] = {}
+        self._counts: dict[str, int] | None = None
 
     def __call__(
         self, arguments: Mapping[str, Array], wanted: Sequence[str], *, partial: bool = False
@@ -70,10 +70,11 @@ class Kept:
             stopped = str(error)
         # a buffer has a memory of its own, behind the one that every function is made with
         stats = self.function.stats(1)
-        for name in [name for name in stats if name.startswith("n_call_")]:  # these go on from call to call
-            count = stats[name]
-            stats[name] = count - self._counts.get(name, 0)
-            self._counts[name] = count
+        if self._counts is None:
+            self._counts = {name: 0 for name in stats if name.startswith("n_call_")}
+        for name, before in self._counts.items():  # these go on from call to call
+            self._counts[name] = count = stats[name]
+            stats[name] = count - before
         if stopped:
             stats["stopped"] = stopped
         return results, stats
@@ -87,9 +88,10 @@ class Kept:
                 if place.size:
                     self._buffer.set_arg(self.function.index_in(name), place.data)
             if place.size:
-                place[:] = np.reshape(value, -1)
-        for name in self._inputs.keys() - arguments.keys():
-            self._inputs[name][:] = 0.0
+                place[:] = value if value.ndim == 1 else value.reshape(-1)
+        if len(self._inputs) > len(arguments):
+            for name in self._inputs.keys() - arguments.keys():
+                self._inputs[name][:] = 0.0
 
     def _result(self, name: str) -> Array:
         """New memory for an output; what is written to it is not copied again."""
