@@ -1,7 +1,7 @@
-"""Cases that are left to the slow part although their parameters do not say so: a list that a measurement writes.
+"""Tests that are left to the slow part although no mark says so: a list that a measurement writes.
 
-A case is on it if it takes 0.3 s of processor time or more, and if a cheaper case of the same test stays in the quick
-part. So every test keeps a quick case, and which one is not a matter of taste. `pytest --durations=0 -vv` on a quiet
+A case is on it if it takes 0.2 s of processor time or more, and if a cheaper case of the same test stays in the quick
+part; a whole test if it takes 1 s or more, and if its file keeps five others. `pytest --durations=0 -vv` on a quiet
 machine says what is to be added.
 """
 
