@@ -34,11 +34,10 @@ from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import RestlessKink
 from acausal.simulate.events.regime import Regime
-from acausal.simulate.impulses import corners, refuse_jumps, refuse_leaps
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
-from acausal.simulate.record.fractions import refuse_fractions
+from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, share_of

@@ -1,11 +1,15 @@
-"""Jumps of what is prescribed and differentiated: a flange that follows a step would take an impulse.
+"""Checks of what a run has recorded: prescribed motions that jump, and integers that became fractions.
 
-Branches of `where` are differentiated one by one, so that what happens at the switch is lost. A signal of time that
-jumps moves what follows it over a distance, or to another speed, in no time: refused. Corners of a ramp whose rate is
-differentiated in turn are noted: the motion is right, only forces lack the impulses there.
+A prescribed motion is differentiated: a flange that follows a step would take an impulse. Branches of `where` are
+differentiated one by one, so that what happens at the switch is lost. A signal of time that jumps moves what follows it
+over a distance, or to another speed, in no time: refused. Corners of a ramp whose rate is differentiated in turn are
+noted: the motion is right, only forces lack the impulses there.
 
 A constraint that changes at an event, as a gear that is shifted does, makes what follows from the states jump in the
 same way. By Newton's law the states would jump too, through the Jacobian of the constraint: refused when it happens.
+
+Integers: literals and start values are checked before (AC147, AC046). What a `reset` or an equation gives to an integer
+may be any expression, whose value only the run knows.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from acausal.analyse.events.state_events import switched_dependents
 from acausal.arrays import Vector
 from acausal.diagnose.words import component_of, listed, made_at
 from acausal.errors import EventError, UsageError
+from acausal.flatten.flat import suffixes
 from acausal.flatten.reduced import nominal
 from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
@@ -30,6 +35,8 @@ from acausal.simulate.solvers.segment import Tolerances
 # Two branches meet to this share of their size; those of variables, which meet where a guard was located, to so many
 # tolerances, or to this.
 _MEETING, _MANY, _LEAST = 1e-9, 100.0, 1e-6
+# An integer that passes through a solver comes back with its rounding.
+_WHOLE = 1e-6
 
 
 def refuse_jumps(
@@ -147,3 +154,35 @@ def _led(compiled: CompiledModel, prescribed: bool = False) -> list[tuple[int, s
         nodes = ((v, reduced.pool.var(v)) for v in found)
         known[prescribed] = [(columns[n], reduced.name(v), nominal(reduced, v)) for v, n in nodes if n in columns]
     return known[prescribed]
+
+
+def refuse_fractions(recorder: Recorder) -> None:
+    """Refuse what a run has recorded if an integer has a value that is not whole.
+
+    Raises EventError: AC147 with the first such value.
+    """
+    compiled = recorder.compiled
+    integers = {
+        v.path + suffix
+        for v in compiled.flat.variables
+        if v.declaration.integer
+        for suffix in suffixes(v.declaration.shape)
+    }
+    places = [k for k, name in enumerate(compiled.states) if name in integers] if integers else []
+    if not places:
+        return
+    times, x, _, _ = recorder.rows()
+    values = x[places]
+    fractions = np.abs(values - np.round(values)) > _WHOLE * np.maximum(1.0, np.abs(values))
+    if not fractions.any():
+        return
+    row = int(np.argmax(fractions.any(axis=0)))
+    k = int(np.argmax(fractions[:, row]))
+    name = compiled.states[places[k]]
+    raise EventError(
+        "AC147",
+        f"{compiled.name}: {name} is an integer and became {values[k, row]:.9g} at t = {times[row]:.9g} s",
+        where=made_at(compiled.flat, component_of(compiled.flat, name)),
+        cause="the right side of its equation, or of a reset, is not whole there",
+        help="round it, floor(x), or declare the variable by discrete()",
+    )
