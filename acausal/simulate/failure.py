@@ -28,11 +28,48 @@ from acausal.simulate.record.project import constraints
 from acausal.simulate.solvers.segment import Segment
 from acausal.simulate.start.finite import UNDEFINED, Undefined, first_undefined
 
-_KNOWN: tuple[tuple[str, str, str], ...] = (
-    ("TOO_MUCH_WORK", "AC401", "needs more steps than allowed"),
-    ("CONV_FAIL", "AC402", "Newton's method of the solver does not converge"),
-    ("ERR_FAIL", "AC403", "the error test fails with the smallest step"),
-    ("not finite", "AC404", "the solution is not finite"),
+_ELSEWHERE = "look at these variables around that time; try another solver (--solver rosenbrock) or tolerance"
+# The solver's word, code, fact, cause and remedy.
+_KNOWN: tuple[tuple[str, str, str, str, str], ...] = (
+    (
+        "TOO_MUCH_WORK",
+        "AC401",
+        "needs more steps than allowed, as it hardly comes on",
+        "something fast that goes on and on, a switch that flutters, or a tolerance below the rounding errors of the "
+        "model",
+        "see in `acausal stability MODEL` which mode is fast and which solver suits it (mostly --solver rosenbrock); "
+        "try a looser --tolerance",
+    ),
+    (
+        "CONV_FAIL",
+        "AC402",
+        "Newton's method of the solver does not converge",
+        "the equations have no solution just after this time, or jump to another one: a function outside its domain, a "
+        "mechanism that is stretched out, a jump that no relation tells of",
+        "look at these variables around that time; state a jump by where(...) or when(...), which are located; try "
+        "--solver rosenbrock",
+    ),
+    (
+        "ERR_FAIL",
+        "AC403",
+        "no step is small enough for the tolerance",
+        "a value jumps that no relation tells of, in a table or an external function, or goes to infinity",
+        "look at these variables around that time; state a jump by where(...) or when(...), which are located; try a "
+        "looser --tolerance",
+    ),
+    (
+        "not finite",
+        "AC404",
+        "the solution is not finite",
+        "a value overflows, or an equation gives nan",
+        _ELSEWHERE,
+    ),
+)
+_UNKNOWN = (
+    "AC400",
+    "the solver gave up",
+    "a jump or a singular position just after this time, or a tolerance too tight",
+    _ELSEWHERE,
 )
 _AHEAD = 10.0 ** np.arange(-12.0, -1.0)  # shares of the segment that are looked at behind the last point
 _SHORT = 1e-4  # share of the run within which something doubles that grows without bound
@@ -70,21 +107,14 @@ def integration_error(problem: Problem, solver: str, reached: Segment, text: str
     compiled = problem.compiled
     at = (reached.x, reached.z, problem.u, problem.p, reached.p)
     ode = np.array(compiled.rhs(reached.start, *at)[0]).ravel()
-    code, fact = next(((c, f) for key, c, f in _KNOWN if key in text), ("AC400", "the solver gave up"))
+    code, fact, cause, remedy = next((said for key, *said in _KNOWN if key in text), _UNKNOWN)
     finding = (
         _constraining(problem, reached)
         or _undefined(problem, reached, ode)
         or _stretched(problem, reached, ode)
         or _unbounded(compiled, reached, ode)
         or _singular(problem, reached)
-        or _Finding(
-            code,
-            fact,
-            (),
-            (),
-            "a jump or a singular position just after this time, or a tolerance too tight",
-            "look at these variables around that time; try another solver (--solver rosenbrock) or tolerance",
-        )
+        or _Finding(code, fact, (), (), cause, remedy)
     )
     fastest = np.argsort(-np.abs(np.nan_to_num(ode / compiled.nominal_x, nan=np.inf)))[:3].tolist()
     moving = [f"der({compiled.states[k]}) = {ode[k]:.4g}   {compiled.states[k]} = {reached.x[k]:.6g}" for k in fastest]

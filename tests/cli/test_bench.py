@@ -115,6 +115,15 @@ def test_a_step_function_is_exported(folder: Path) -> None:
     assert "pendulum_step(" in (folder / "Pendulum_step.c").read_text()
 
 
+def test_a_step_is_written_to_c_files_only(folder: Path) -> None:
+    """`-o rt` left a file whose name tells nobody what it holds."""
+    found = run("export", "step", "Pendulum", "-o", "rt")
+    assert found.code == 2
+    assert "AC013" in found.err
+    assert ".c" in found.err
+    assert not (folder / "rt").exists()
+
+
 def test_operations_of_a_step_with_events_are_those_of_what_it_calls() -> None:
     """A step evaluates the rates four times at least (RK4), so it takes more operations than a handful of calls."""
     found = run("export", "step", "BouncingBall", "--json").json

@@ -198,3 +198,4 @@ def test_a_guard_passed_again_and_again_within_its_error_is_refused(solver: str,
     assert result is not None
     assert abs(result.final("h")) < tolerance
     assert 2.0 < result.time[-1] < 3.0
+    assert "where(self.h > 0.0, -sqrt(self.h), sqrt(-self.h))" in str(caught.value), "the place in the source"

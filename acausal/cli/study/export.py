@@ -163,10 +163,12 @@ def step(
     prepared = prepare(cls, settings or (), freed or ())
     seconds = seconds_of("step", size) or 0.0
     target = output_file or Path(f"{cls.__name__}_step.c")
-    check_writable(target)
+    from acausal.export.step.source import check_source_file
     from acausal.export.step.step import step_function
     from acausal.lower.compile import compile
 
+    check_source_file(target)
+    check_writable(target)
     made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs)
     made.save(target)
     operations = _operations(made.function)

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from acausal.lower.casadi_model import Ports
-from acausal.result.files import atomic
+from acausal.result.files import atomic, check_suffix
 from acausal.simulate.native.source import functions
 
 _HEAD = """/* {name}: one step of {method}, {step!r} s. By acausal: bounded work, no allocation, no state outside x.
@@ -72,9 +72,15 @@ class StepFunction:
         return _source(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the C source, completely or not at all; UsageError AC012 when it cannot be written."""
+        """Write the C source to a `.c` file, completely or not at all; UsageError AC012 or AC013."""
+        check_source_file(Path(path))
         with atomic(Path(path)) as file:
             file.write(self.source().encode())
+
+
+def check_source_file(path: Path) -> None:
+    """UsageError AC013 for another suffix than `.c`, by which compilers know what a file holds."""
+    check_suffix(path, (".c",), "suffix of C files")
 
 
 def identifier(name: str) -> str:

@@ -31,12 +31,15 @@ _WIDTH = 60
 
 def unwatched() -> str:
     """Note to a run in which no kinks are located."""
-    return f"AC414: kinks of this run cannot be watched, as one of them is passed without end: {_BOUNDED}"
+    return (
+        "AC414: kinks of this run (of minimum, maximum, abs, no_event) are not located as events, as one of them is "
+        f"passed without end: {_BOUNDED}"
+    )
 
 
 _BOUNDED = (
     f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, "
-    "and what wakes for less, or is steep for less, may be passed"
+    "and what moves, or is steep, for less time may be missed"
 )
 
 
@@ -136,7 +139,7 @@ def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
     more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
     total = len(left) + len(found.watched)
     return (
-        f"AC414: {len(left)} of {total} kinks where rates may wake are too many to be watched "
-        f"({texts}{more}): {_BOUNDED}; locate those that matter by a relation without no_event, or "
-        "give a max_step that is shorter than what they are awake"
+        f"AC414: {len(left)} of {total} kinks (of minimum, maximum, abs, no_event) are too many to be located "
+        f"({texts}{more}): {_BOUNDED}; write those that matter as a relation without no_event, or "
+        "give a max_step shorter than the time for which they let something move"
     )

@@ -306,7 +306,7 @@ class Hybrid:
         self.bounces.saw(t, relations)
         if self.bounces.endless:
             names = [self.guards.texts[k] for k in self.bounces.endless]
-            error = accumulated(self.problem.compiled.name, t, self.bounces.count, names)
+            error = accumulated(self.problem.compiled, t, self.bounces.count, names)
             if self.problem.compiled.state_events.watched.issuperset(self.bounces.endless):
                 raise RestlessKink(error.code, error.fact, evidence=error.evidence, cause=error.cause, help=error.help)
             raise error
@@ -392,7 +392,7 @@ class Hybrid:
         """Refuse what an explicit method neither passes nor leaves, as both modes lead to it."""
         names = [self.guards.texts[k] for k, count in self.lingering.events.items() if count > _LINGERING]
         if names and stop.time is not None:
-            raise unsettled(self.problem.compiled.name, stop.time, names)
+            raise unsettled(self.problem.compiled, stop.time, names)
 
     def _rescue(self, segment: Segment, moment: Moment, got: Stop | None) -> None:
         """Record the rows of an interrupted stretch."""
@@ -459,7 +459,7 @@ class Hybrid:
         self._note(f"{text}: what decides it may be wrong by more than its size; a tighter tolerance locates it better")
         self._vague[relation] = self._vague.get(relation, 0) + 1
         if self._vague[relation] > _VAGUE:
-            raise unsettled(self.problem.compiled.name, float(reached.time or 0.0), [text])
+            raise unsettled(self.problem.compiled, float(reached.time or 0.0), [text])
 
     def _refuse_restless(self, reached: Arrival, moment: Moment) -> None:
         """Refuse a relation that flips without end, hardly in time, among errors of states.
@@ -476,7 +476,7 @@ class Hybrid:
         times.append(reached.time)
         if len(times) > _SMALL:
             if times[-1] - times[0] < _SMALL * _RESTLESS * self.span:
-                raise unsettled(self.problem.compiled.name, reached.time, [self.guards.texts[relation]])
+                raise unsettled(self.problem.compiled, reached.time, [self.guards.texts[relation]])
             times.clear()
 
     def _note(self, note: str) -> None:

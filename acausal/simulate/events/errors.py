@@ -5,33 +5,49 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acausal.analyse.events.state_events import Assert, Clause
+from acausal.diagnose.words import places
 from acausal.errors import EventError, InitializationError, Span
+from acausal.lower.compiled import CompiledModel
 
 
 class RestlessKink(EventError):
     """A watched kink is passed without time passing: better let alone."""
 
 
-def accumulated(model: str, t: float, count: int, names: Sequence[str]) -> EventError:
+def accumulated(compiled: CompiledModel, t: float, count: int, names: Sequence[str]) -> EventError:
     """Events without end in next to no time."""
     return EventError(
         "AC502",
-        f"{count} events follow one another at t = {t:.9g} s in {model} without time passing",
+        f"{count} events follow one another at t = {t:.9g} s in {compiled.name} without time passing",
+        where=_stated(compiled, names),
         evidence=[f"relations that take part: {'; '.join(names[:4])}"],
-        cause="events that follow each other ever faster (Zeno behaviour), without a state of rest as their limit",
-        help="let the model come to rest below a threshold, or use a compliant contact or a smooth switch",
+        cause="each event brings the next one nearer, as the bounces of a ball in a closing gap (Zeno behaviour), "
+        "and no state of rest is their limit",
+        help="let the `when` end it below a threshold, such as reset(v, where(abs(v) < v_min, 0, -e * pre(v))); give a "
+        "contact a spring and a damper, or a relay two thresholds",
     )
 
 
-def unsettled(model: str, t: float, names: Sequence[str]) -> EventError:
+def unsettled(compiled: CompiledModel, t: float, names: Sequence[str]) -> EventError:
     """An event iteration without end."""
     return EventError(
         "AC501",
-        f"events do not settle at t = {t:.9g} s in {model}: {'; '.join(names)}",
+        f"events do not settle at t = {t:.9g} s in {compiled.name}: {'; '.join(names)}",
+        where=_stated(compiled, names),
         evidence=[f"changes again and again: {n}" for n in names],
-        cause="each of the two modes leads back to the other at once (chattering)",
-        help="give the relation a hysteresis, or declare the switch smooth: where(..., smooth=True), no_event(...)",
+        cause="whatever value it takes, the equations at once ask for the other one (chattering)",
+        help="let it depend on what was before the event, pre(...), or give the relation two thresholds (hysteresis); "
+        "where its two sides hardly differ, where(..., smooth=True) or no_event(...) make no event of it",
     )
+
+
+def _stated(compiled: CompiledModel, texts: Sequence[str]) -> tuple[Span, ...]:
+    """Where these relations or clauses stand in the source: two places at most."""
+    flat = compiled.flat
+    clauses = [c.where for c in compiled.state_events.clauses if any(t in c.text for t in texts)]
+    discrete = [a.origin.span() for a in flat.assignments if a.origin and any(t in str(a.source) for t in texts)]
+    equations = [e for e in flat.equations if any(t in flat.text(e) for t in texts)]
+    return tuple(dict.fromkeys((*clauses, *discrete, *places(flat, equations))))[:2]
 
 
 def undetermined(t: float, error: InitializationError) -> EventError:

@@ -204,7 +204,7 @@ class Iteration:
             moment = Moment(x, moment.z, m, self._released(t, moment, x))
             was, decided, level = found.was, found.decided, float(found.level)
         texts = [self.events.clauses[k].text for k in acting]
-        raise unsettled(self.problem.compiled.name, t, texts or [a.text for a in self.events.assignments])
+        raise unsettled(self.problem.compiled, t, texts or [a.text for a in self.events.assignments])
 
     def _released(self, t: float, moment: Moment, x: Vector) -> Regime:
         """The regime without what rested until the states jumped: its velocity is another one."""
@@ -340,7 +340,7 @@ class Iteration:
                     flips[:] = 0
             walk.turn += 1
         names = [self.guards.texts[k] for k in np.argsort(-flips)[:4] if flips[k] > 1]
-        raise unsettled(self.problem.compiled.name, t, names or [a.text for a in self.events.assignments])
+        raise unsettled(self.problem.compiled, t, names or [a.text for a in self.events.assignments])
 
     def flipped(self, moment: Moment, which: Truth) -> Moment:
         """The other mode for each guard that is reached: a relation flips, a held one is let go."""
@@ -437,7 +437,7 @@ class Iteration:
             count = count + 1 if t - last <= _SOON * self.guards.span else 1
             self._kept[relation] = t, count
             if count > _MOST_KEPT:
-                raise unsettled(self.problem.compiled.name, t, [self.guards.texts[relation]])
+                raise unsettled(self.problem.compiled, t, [self.guards.texts[relation]])
 
     def _slide(self, t: float, moment: Moment, relations: list[int], notes: list[str]) -> Moment | None:
         """Hold relations between their two modes; None when that is no solution."""

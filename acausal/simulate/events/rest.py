@@ -157,7 +157,7 @@ class Bounces:
         pulled = (rates[1] - rates[0]) * (1.0 if inside else -1.0)
         if pulled > 0.0:
             names = [self.problem.compiled.events.texts[relation]]
-            raise accumulated(self.problem.compiled.name, t, self.count, names)
+            raise accumulated(self.problem.compiled, t, self.count, names)
 
     def _flight(self, t: float, left: Moment, after: Moment, relation: int) -> _Flight | None:
         """The flight that begins at this guard after an impact that has taken speed; None where that is not so."""
