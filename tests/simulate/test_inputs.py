@@ -461,3 +461,12 @@ def test_pandas(lag: Any) -> None:
     for data in (table, pandas.Series(2.0 * t, index=t)):
         result = acausal.simulate(lag, inputs={"u": data}, stop_time=1.0)
         assert np.abs(result["u"] - 2.0 * result.time).max() < 1e-12
+
+
+def test_a_column_of_a_table_of_a_run_drives_a_model() -> None:
+    """`to_pandas` keeps the units of all signals on each of its columns."""
+    pytest.importorskip("pandas")
+    made = acausal.simulate(Lag(), inputs={"u": lambda t: 1.0 + t}, stop_time=1.0)
+    column = acausal.simulate(Lag(), inputs={"u": made.to_pandas()["u"]}, stop_time=1.0)
+    pair = acausal.simulate(Lag(), inputs={"u": (made.time, made["u"])}, stop_time=1.0)
+    assert np.array_equal(column.matrix, pair.matrix)

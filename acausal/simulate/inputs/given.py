@@ -225,7 +225,8 @@ def _of_pandas(name: str, value: Any) -> TimeSeries:
     else:
         time, column, label, head = value.index, value, str(value.name), str(value.index.name)
     unit, second = (text.partition(" [")[2].rstrip("] ") for text in (label, head))
-    unit = unit or str(getattr(column, "attrs", {}).get("units", ""))
+    declared = getattr(column, "attrs", {}).get("units", "")  # of a whole frame, which its columns inherit, or its own
+    unit = unit or str(declared.get(label, "") if isinstance(declared, Mapping) else declared)
     try:
         times = seconds(time, second)
     except (TypeError, ValueError, UnitError) as error:

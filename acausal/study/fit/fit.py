@@ -106,7 +106,7 @@ class Fit:
 def fit(
     model: Component | CompiledModel,
     data: Any,
-    free: Sequence[str] | Mapping[str, tuple[float, float]],
+    free: Sequence[str] | Mapping[str, tuple[float | str, float | str]],
     *,
     parameters: Mapping[str, object] | None = None,
     inputs: Mapping[str, Any] | None = None,
@@ -125,8 +125,8 @@ def fit(
     data
         A `Dataset`, or its `data` alone; a list for several experiments, which share the parameters.
     free
-        Paths of the scalar, non-structural parameters to estimate; as a mapping, with lower and upper limits in SI. The
-        search starts at the model's values, or at those in `parameters`.
+        Paths of the scalar, non-structural parameters to estimate; as a mapping, with lower and upper limits in SI, or
+        as text with a unit. The search starts at the model's values, or at those in `parameters`.
     parameters, inputs, start
         As in `simulate`, for all experiments; those of a data set have priority.
     tolerance
@@ -157,7 +157,9 @@ def fit(
 
 
 def _make_unknowns(
-    compiled: CompiledModel, free: Sequence[str] | Mapping[str, tuple[float, float]], given: Mapping[str, object]
+    compiled: CompiledModel,
+    free: Sequence[str] | Mapping[str, tuple[float | str, float | str]],
+    given: Mapping[str, object],
 ) -> Unknowns:
     names = tuple(free)
     if isinstance(free, str) or not names:
@@ -171,7 +173,8 @@ def _make_unknowns(
             raise _unfit(compiled, name, base is not None, list(present))
         low, high = base.declaration.min, base.declaration.max
         if isinstance(free, Mapping):
-            low, high = max(low, free[name][0]), min(high, free[name][1])
+            asked = entries(name, (2,), free[name], base.declaration.unit)
+            low, high = max(low, asked[0]), min(high, asked[1])
         guess = entries(name, (), given.get(name, present[name]), base.declaration.unit)[0]
         if not low <= guess <= high or low >= high:
             raise UsageError("AC056", f"{name} begins at {guess:g}, which is not between its limits {low:g}, {high:g}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real as Number
 from typing import Any
 
 import numpy as np
@@ -89,9 +90,16 @@ def _run_trial(
 ) -> TrialRun:
     own = {**parameters, **values}
     differentiated = None if wanted is None else differentiated_run(compiled, own, options, tuple(values), wanted)
-    if differentiated is not None:
-        return TrialRun(differentiated.result, differentiated)
-    return TrialRun(simulate(compiled, parameters=own, **options), None)
+    result = simulate(compiled, parameters=own, **options) if differentiated is None else differentiated.result
+    stop = options["stop_time"]
+    if result.time[-1] < stop - 1e-9 * np.ptp(result.time):
+        raise RunError(
+            "AC011",
+            f"the run of {compiled.name} ends itself at {result.time[-1]:g} s, the data end at {stop:g} s",
+            evidence=[f"{name} = {value:.6g}" for name, value in values.items()],
+            help="begin with other values, or leave out what was measured later",
+        )
+    return TrialRun(result, differentiated)
 
 
 def trial_of(
@@ -127,7 +135,7 @@ def trial_of(
     started = with_starts(compiled, {**common.start, **dataset.start})
     own = {**common.parameters, **dataset.parameters}
     for path, value in dataset.sigma.items():
-        if not value > 0.0:
+        if not isinstance(value, Number) or not value > 0.0:
             raise UsageError("AC055", f"sigma of {path} is {value}: a standard deviation is positive")
     wanted = signals_of(started, list(measurements))
     trial_run = _run_trial(started, own, guess, run, None if wanted is None else tuple(wanted))

@@ -245,6 +245,28 @@ def test_a_frame_that_holds_no_measurements_is_refused(case: str) -> None:
     assert caught.value.code == "AC055"
 
 
+class Ending(Component):
+    """x = exp(-k t), which is over below 0.1."""
+
+    k: Real = parameter(default=1.0, unit="1/s")
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.k * self.x
+        yield acausal.when(self.x < 0.1, acausal.terminate("empty"))
+
+
+def test_a_run_that_ends_before_the_data_is_no_candidate() -> None:
+    """Runs with k above ln(10)/2 end early: the search may try some, and cannot begin there."""
+    times = np.linspace(0.0, 2.0, 21)
+    data = {"x": (times, np.exp(-1.1 * times))}
+    found = fit(Ending(), data, {"k": ("6 1/min", 9.0)}, parameters={"k": 0.2})
+    assert found.value == pytest.approx([1.1], rel=1e-6)
+    with pytest.raises(AcausalError, match="the data end at 2 s") as caught:
+        fit(Ending(), data, ["k"], parameters={"k": 3.0})
+    assert caught.value.code == "AC011"
+
+
 class Cooling(Component):
     """T' = k (T_end - T) from 300 K."""
 
