@@ -186,9 +186,10 @@ class Hybrid:
         moment, here = self.reached, stretch.start
         changed = moment.m.copy()
         changed[: len(stretch.modes)] = stretch.modes
-        happened = self.iteration.settle(
-            here, Moment(moment.x, moment.z, changed, moment.regime), moment.m, samples=stretch.samples
-        )
+        now = Moment(moment.x, moment.z, changed, moment.regime)
+        if self.recorder.count and stretch.opens:  # the start has been told already
+            now = self.iteration.flipped(now, self.guards.exact(here, moment))
+        happened = self.iteration.settle(here, now, moment.m, samples=stretch.samples)
         self.passages.append(Passage(here, moment, None, happened))
         self._record_start(here, self._say(happened, here), happened)
         self._gap = np.inf  # what was known of the stretches before need not hold behind it

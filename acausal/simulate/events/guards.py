@@ -217,6 +217,21 @@ class Guards:
             found[int(np.argmin(np.abs(ahead)))] = True
         return found
 
+    def exact(self, t: float, at: Moment) -> Truth:
+        """Guards that are reached here to rounding of the instant, by relations that hold, or do not, at equal sides.
+
+        At an instant that something else has set, such a relation is another one with that, not after it: `x >= 1`
+        holds at the tick at which x is one, and `x > 1` begins behind it (Modelica 3.6, section 8.5).
+        """
+        g = self.distances(t, at)
+        if (g > 1.0).all():  # far from everything: no rates needed
+            return np.zeros(len(g), dtype=bool)
+        rate, noise = self.rates(t, at, distances=g)
+        own, free = at.regime.active_set.owner, at.regime.active_set.side < 0
+        ties = self.ties[own]
+        differs = (ties >= 0) & (at.m[self.first + own] != ties)
+        return np.asarray(free & differs & (np.abs(g) <= np.abs(rate) * as_one(self.span, t)) & (rate < -noise))
+
     def ahead(self, t: float, at: Moment) -> float:
         """How long it takes until the nearest guard is passed at its rate [s]; 0 where one is, or where none falls."""
         found, ahead = self._reached(t, at)

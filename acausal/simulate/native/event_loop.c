@@ -427,9 +427,19 @@ static int count_event(struct event_loop* s, const struct space* o, double t) {
 /* The event at the start of a segment. */
 static int enter(struct event_loop* s, struct space* o) {
   double t = s->boundary[s->segment];
+  count_t k;
+  int near = 0;
   o->step = s->first;
   memcpy(o->left_m, s->m, s->modes * sizeof(double));
+  if (s->relations && take_guards(s, o, t, s->x, o->g)) return UNUSUAL;
+  for (k = 0; k < s->relations; ++k) near |= o->g[k] <= 1.0;
+  if (near && take_rates(s, o, t)) return UNUSUAL;
   memcpy(s->m, s->timely_modes + s->segment * s->timely, s->timely * sizeof(double));
+  for (k = 0; near && k < s->relations; ++k) { /* see `Guards.exact` */
+    double* mode = s->m + first_relation(s) + k;
+    if (s->ties[k] >= 0 && *mode != (double) s->ties[k] && fabs(o->g[k]) <= fabs(o->rate[k]) * as_one(s, t) && o->rate[k] < -o->noise[k])
+      *mode = 1.0 - *mode;
+  }
   if (settle(s, o, t, o->left_m, s->due + s->segment * s->samples)) return UNUSUAL;
   s->here = t;
   s->entered = s->fresh = 1;
