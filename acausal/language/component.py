@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.collector import collector_paused
-from acausal.errors import DeclarationError, UnknownFieldError, calling_span, nearest
+from acausal.errors import DeclarationError, calling_span
 from acausal.language.declarations.declaration import Declaration, Kind, Owner
 from acausal.language.declarations.declare import Real, checked_shape, checked_value, parameter, structural
 from acausal.language.declarations.experiment import Experiment
@@ -26,9 +26,11 @@ from acausal.language.declarations.misuse import (
     declared_class,
     endless_recursion,
     field_span,
+    not_made_yet,
     own_constructor,
     refuse_hiding,
     refuse_undeclared,
+    unknown_field,
 )
 from acausal.language.declarations.parts import Outer, Parts, outer
 from acausal.language.expressions.expression import Expr, Symbol
@@ -140,7 +142,7 @@ class Component(Owner):
         cls = type(self)
         for name in given:
             if name not in self._declarations:
-                raise _unknown_field(cls, name)
+                raise unknown_field(cls, name)
         for name, around in self._outers.items():
             own[name] = around.cls._stand_in(self, name)
         if cls._is_sized:
@@ -361,8 +363,8 @@ class Component(Owner):
             if "_stands_in" in self.__dict__:
                 return self._stand_in_part(name)
             if name in self._declarations:  # a part that `build` has not created yet
-                raise _not_made_yet(type(self), name)
-            raise _unknown_field(type(self), name)
+                raise not_made_yet(type(self), name)
+            raise unknown_field(type(self), name)
 
     def _refuse_unmade(self) -> None:
         """Raise DeclarationError AC109 for an instance whose own `__init__` did not call that of `Component`."""
@@ -583,22 +585,3 @@ def _replaces(base: type[Component], name: str, value: object) -> bool:
     if inherited is None or isinstance(inherited, Connector) or not isinstance(value, Component):
         return False
     return isinstance(value, declared_class(base, name) or type(inherited))
-
-
-def _not_made_yet(cls: type[Component], name: str) -> DeclarationError:
-    return DeclarationError(
-        "AC114",
-        f"{cls.__name__}: part '{name}' is not made yet",
-        cause="defaults of parameters are worked out before `build` makes the parts",
-        help=f"bind the other way round, in `build`: self.{name} = {annotation_of(cls, name)} with own parameters",
-    )
-
-
-def _unknown_field(cls: type[Component], name: str) -> UnknownFieldError:
-    known = [n for n in cls._declarations]
-    close = nearest(name, known)
-    return UnknownFieldError(
-        "AC127",
-        f"{cls.__name__} has no field '{name}'" + (f"; did you mean '{close[0]}'?" if close else ""),
-        evidence=(f"fields: {', '.join(known)}",) if known else (),
-    )

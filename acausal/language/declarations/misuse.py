@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Any
 
-from acausal.errors import DeclarationError, Span, calling_span
+from acausal.errors import DeclarationError, Span, UnknownFieldError, calling_span, nearest
 from acausal.language.declarations.declaration import Declaration, Owner
 from acausal.language.declarations.parts import Outer
 from acausal.language.statement import Origin
@@ -281,3 +281,24 @@ def annotation_of(cls: type[Owner], name: str) -> str:
             inner = text[5:-1] if is_text and text.startswith("list[") else members[0].__name__ if members else ""
             return f"[{inner}(...), ...]" if inner else f"{text}(...)"
     return "..."
+
+
+def not_made_yet(cls: type[Owner], name: str) -> DeclarationError:
+    """The error for a part that a default reads."""
+    return DeclarationError(
+        "AC114",
+        f"{cls.__name__}: part '{name}' is not made yet",
+        cause="defaults of parameters are worked out before `build` makes the parts",
+        help=f"bind the other way round, in `build`: self.{name} = {annotation_of(cls, name)} with own parameters",
+    )
+
+
+def unknown_field(cls: type[Owner], name: str) -> UnknownFieldError:
+    """The error for a field that a class does not have, with the nearest name."""
+    known = [n for n in cls._declarations]
+    close = nearest(name, known)
+    return UnknownFieldError(
+        "AC127",
+        f"{cls.__name__} has no field '{name}'" + (f"; did you mean '{close[0]}'?" if close else ""),
+        evidence=(f"fields: {', '.join(known)}",) if known else (),
+    )

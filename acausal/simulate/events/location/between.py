@@ -8,14 +8,18 @@ latter (J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section 2.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from acausal.arrays import Truth, Vector
+from acausal.simulate.events.guards import LOCATED
 
 _FINE, _COARSE, _FEWEST = 8, 6, 4
 # Errors at the mesh points grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
 _LARGEST = 16.0
+_NOTHING = np.zeros((1, 1))
 
 
 def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tuple[Vector, Truth]:
@@ -126,3 +130,43 @@ def _meeting(g: Vector, h: Vector, slope: Vector) -> Vector:
         s = (behind - slope) / (behind - before)
         inside = (before < 0.0) & (behind > 0.0) & (s >= 0.0) & (s <= 1.0)
         return np.where(inside, g[:-1] + before * s * h, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class LeftGuards:
+    """Guards at the start of a stretch: those that leave zero are judged by their mean rate since then.
+
+    `values`, `leaving`, `rates`, `noises`: Of each guard its value at `time` [s], whether it leaves zero there, its
+    rate, and how far it can be wrong; shape (guards,).
+    """
+
+    time: float
+    values: Vector
+    leaving: Truth
+    rates: Vector
+    noises: Vector
+
+    @cached_property
+    def is_left(self) -> bool:
+        """Whether there are such guards."""
+        return bool(self.leaving.any())
+
+    def near(self, times: Vector) -> Vector:
+        """How far below zero guards may be by rounding, as they have just left it; shape (n, guards), or 0 for all."""
+        if not self.is_left:
+            return _NOTHING
+        with np.errstate(divide="ignore", invalid="ignore"):
+            gone = LOCATED * (times - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
+        return np.asarray(self.noises * np.clip(1.0 - gone, 0.0, 1.0))
+
+    def judged(self, times: Vector, values: Vector) -> Vector:
+        """What must not be negative, at n instants; shape (n, guards)."""
+        if not self.is_left:
+            return values
+        found = values.copy()
+        k = self.leaving
+        since = (times - self.time)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = (values[:, k] - self.values[k]) / since
+        found[:, k] = np.where(since > 0.0, mean, self.rates[k])
+        return found

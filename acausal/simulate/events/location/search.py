@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
-from acausal.simulate.events.location.between import between, lowest, root
+from acausal.simulate.events.location.between import LeftGuards, between, lowest, root
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import islands, on_equations
@@ -54,7 +53,6 @@ _OPENING, _WIDER = 16.0, 2.0
 _MANY, _PROGRESS = 100, 1e-6
 # And so many steps by this one, whatever the outputs are.
 _PATIENCE, _ADVANCE = 20_000, 1e-4
-_NOTHING = np.zeros((1, 1))
 # Pieces of what is left where a stretch without guards needs more steps than one call of a solver may take.
 _FINER = 1000
 
@@ -72,42 +70,6 @@ class Arrival:
     z: Vector
     vague: int | None = None
     small: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class _Start:
-    """Guards where the stretch began: those that leave zero are judged by their mean rate since then."""
-
-    time: float
-    values: Vector
-    leaving: Truth
-    rates: Vector
-    noises: Vector
-
-    @cached_property
-    def is_left(self) -> bool:
-        """Whether there are such guards."""
-        return bool(self.leaving.any())
-
-    def near(self, times: Vector) -> Vector:
-        """How far below zero guards may be by rounding, as they have just left it; shape (n, guards), or 0 for all."""
-        if not self.is_left:
-            return _NOTHING
-        with np.errstate(divide="ignore", invalid="ignore"):
-            gone = LOCATED * (times - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
-        return np.asarray(self.noises * np.clip(1.0 - gone, 0.0, 1.0))
-
-    def judged(self, times: Vector, values: Vector) -> Vector:
-        """What must not be negative, at n instants; shape (n, guards)."""
-        if not self.is_left:
-            return values
-        found = values.copy()
-        k = self.leaving
-        since = (times - self.time)[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mean = (values[:, k] - self.values[k]) / since
-        found[:, k] = np.where(since > 0.0, mean, self.rates[k])
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +94,7 @@ class _Way:
     segment: Segment
     moment: Moment
     band: Vector
-    start: _Start
+    start: LeftGuards
     record: Record
     times: Vector
     values: Vector
@@ -233,7 +195,7 @@ class Search:
             noises = np.where(leaving, np.maximum(LOCATED * noise, band), 0.0)
             band = np.where(leaving, 0.0, band)
             values = np.maximum(g + band, 0.0)
-        start = _Start(segment.start, values, leaving, rates, noises)
+        start = LeftGuards(segment.start, values, leaving, rates, noises)
         times = np.array([segment.start])
         way = _Way(segment, moment, band, start, record, times, values[None, :], values, segment)
         way.mark = way.since = segment.start
