@@ -25,8 +25,8 @@ from acausal.simulate.native.program import address
 
 Whole = NDArray[np.int32]
 # Instructions from which on a program is written, and how long its columns have to be on the mean: a column of one
-# takes as long as two instructions.
-_LEAST, _MEAN = 5_000, 5.0
+# takes as long as three instructions.
+_LEAST, _MEAN = 5_000, 3.0
 # Entries that are computed at once (`BLOCK` of columns.c).
 _BLOCK = 8
 _FILES = "columns.c", "tangents.c"
