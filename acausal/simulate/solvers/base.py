@@ -152,28 +152,28 @@ class CasadiSolver:
             library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*own))
-        numbered, more, p = problem.scaled, {}, problem.vector(*own) if p is None else p
+        equations, more, p = problem.scaled, {}, problem.vector(*own) if p is None else p
         if self.interpolates:
-            dae, more = numbered.halting_dae if self.algebraic else numbered.halting_ode, {"u": controls(len(grid))}
+            dae, more = equations.halting_dae if self.algebraic else equations.halting_ode, {"u": controls(len(grid))}
         elif self.careless:
-            dae = numbered.limited_dae
+            dae = equations.limited_dae
         elif dae is None:  # a compiled integrator does without
-            dae = numbered.dae if self.algebraic else numbered.ode
+            dae = equations.dae if self.algebraic else equations.ode
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
         if units is not None:
-            dae, z0, p = numbered.measured(dae), z0 / units, np.concatenate([p, units])
+            dae, z0, p = equations.measured(dae), z0 / units, np.concatenate([p, units])
         if segment.shares is not None:
-            dae = numbered.stretched(dae) if library is None else dae
+            dae = equations.stretched(dae) if library is None else dae
             settings, grid = in_shares(segment, settings), UNIT * segment.shares
         order, began = Factorisation(), time.perf_counter()
         if self.multistep:
             # what is compiled is small, and a wrapped library has no derivatives; a rootfinder's are not sparse
             if library is None and (self.algebraic or not problem.compiled.algebraic):
-                order, dae = numbered.factorisation, numbered.reordered(dae)
+                order, dae = equations.factorisation, equations.reordered(dae)
             settings, (x0, z0) = order.settings(settings), order.there(x0, z0)
         may, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
-        integrator = numbered.integrator(self.plugin, dae, grid, settings, native=may, by_columns=may and by_columns)
+        integrator = equations.integrator(self.plugin, dae, grid, settings, native=may, by_columns=may and by_columns)
         making = time.perf_counter() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         if segment.shares is not None:
@@ -187,7 +187,7 @@ class CasadiSolver:
             raise
         x, z = order.back(x, z)
         z = z if units is None else z * units
-        reused = numbered.reused(self.plugin, dae, may)
+        reused = equations.reused(self.plugin, dae, may)
         if reused is not None:
             stats["n_jac"] = reused.evaluations
         native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
