@@ -11,7 +11,6 @@ import pytest
 from hypothesis import settings
 
 from acausal.simulate.native import cache
-from tests.known_failures import reason
 from tests.slow_cases import is_slow, unknown
 
 # Compiled libraries of the developer's own models are neither used nor added to.
@@ -41,11 +40,8 @@ def flags(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves out what is marked as slow
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Known failures are expected, and reported as soon as they are gone; long cases are slow."""
+    """Long cases are slow."""
     for item in items:
-        why = reason(item.nodeid)
-        if why is not None:
-            item.add_marker(pytest.mark.xfail(strict=True, reason=why, run=not why.startswith("hangs")))
         if is_slow(item.nodeid):
             item.add_marker(pytest.mark.slow)
     left = unknown(item.nodeid for item in items)
