@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,24 @@ from matplotlib.text import Text
 from scipy.integrate import quad
 from scipy.optimize import minimize
 
-from acausal import Component, Equations, Real, der, fixed, maximum, quantity, signal_input, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    fixed,
+    integer,
+    maximum,
+    parameter,
+    pre,
+    quantity,
+    reset,
+    signal_input,
+    time,
+    variable,
+    when,
+    where,
+)
 from acausal.errors import AcausalError
 from acausal.models.optimal_control.ball_target import ThrownBall, gentle_throw
 from acausal.models.optimal_control.plate_drilling import CONE, PlateDrilling, least_time
@@ -262,3 +280,36 @@ def test_a_demand_that_no_decision_can_meet_is_refused_before_the_search() -> No
         problem.solve()
     assert caught.value.code == "AC051"
     assert "in phase air: it is 0 there" in str(caught.value)
+
+
+class CountedBall(Component):
+    """A ball that counts its bounces."""
+
+    e: Real = parameter(default=0.8)
+    g: Real = parameter(default=9.81, unit="m/s2")
+    h: Real = variable(unit="m", default=fixed(1.0))
+    v: Real = variable(unit="m/s", default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -self.g
+        bounce = reset(self.v, -self.e * pre(self.v)), reset(self.n, pre(self.n) + 1)
+        yield when(self.h < 0.0, *bounce)
+
+
+@pytest.mark.parametrize(("e", "top", "g"), [(0.7322, 0.563, 13.22), (0.6246, 0.3964, 19.46), (0.8, 0.9, 9.81)])
+def test_a_count_at_the_end_of_a_phase_is_no_event_inside_of_it(e: float, top: float, g: float) -> None:
+    """Thrown down from 1 m the ball comes back to a given height: v1 = sqrt(2 g top)/e at the floor."""
+    problem = Problem(CountedBall(e=e, g=g), free_start=["v"])
+    problem.phase(duration=(0.05, 5.0), until="h < 0", intervals=4)
+    problem.phase(duration=(0.01, 1.2 * math.sqrt(2.0 * top / g)), intervals=4)
+    problem.subject_to(problem.end("v") == 0.0)
+    problem.subject_to(problem.end("h") == top)
+    problem.subject_to(problem.start("v") <= 0.0)
+    problem.minimize(problem.duration)
+    best = problem.solve()
+    up = math.sqrt(2.0 * g * top)
+    thrown = math.sqrt((up / e) ** 2 - 2.0 * g)
+    assert best.start["v"] == pytest.approx(-thrown, rel=1e-6)
+    assert best.objective == pytest.approx((up / e - thrown) / g + up / g, rel=1e-6)

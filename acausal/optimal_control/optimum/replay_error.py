@@ -14,6 +14,8 @@ from acausal.result.result import Result
 # Ends within this distance are equal, relative to the duration of all phases: a model may terminate with the last
 # phase.
 _SAME_END = 1e-3
+# Discrete values within this share of the largest are equal, of `_SMALL` at least.
+_SAME_VALUE, _SMALL = 1e-6, 0.1
 
 
 def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vector]]:
@@ -60,7 +62,9 @@ def _refuse_changes(best: Optimum, run: Result) -> None:
     keep = best.away_from_events(run)
     for name in best.compiled.states[len(best.compiled.states) - best.compiled.discretes :]:
         own, other = best[name], np.asarray(run.at(best.time, name))
-        apart = np.flatnonzero(keep & ~(np.abs(own - other) <= 1e-9 * np.maximum(np.abs(own), np.abs(other))))
+        # in the solution a count that stays zero is zero within the tolerance of the solver
+        size = max(float(np.abs(own).max()), float(np.abs(other).max()), _SMALL)
+        apart = np.flatnonzero(keep & ~(np.abs(own - other) <= _SAME_VALUE * size))
         if not len(apart):
             continue
         t = float(best.time[apart[0]])
