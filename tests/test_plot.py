@@ -292,7 +292,7 @@ def test_prefixes(unit: str, magnitude: float, shown: str, factor: float) -> Non
 
 
 def test_labels_are_typeset() -> None:
-    assert Scale("um/s2").label == "[\u00b5m/s$^{2}$]"
+    assert Scale("um/s2").label == "[\u00b5m/s\u00b2]"
     assert Scale("kN.m").label == "[kN\u00b7m]"
     assert Scale("kOhm").label == "[k\u03a9]"
     assert Scale("1").label == ""
@@ -324,3 +324,12 @@ def test_dollar_signs_around_no_formula_stay(result: Result, title: str, tmp_pat
     """A title is what the user typed; matplotlib cannot read these as formulas."""
     plot(result, "body.v", title=title, file=tmp_path / "h.png")
     assert (tmp_path / "h.png").stat().st_size > 0
+
+
+def test_matplotlib_has_nothing_to_say_about_a_wrapped_label(caplog: pytest.LogCaptureFixture, tmp_path: Path) -> None:
+    """A unit with an exponent below a line break: mathtext looked the break up in its font, with a warning."""
+    signals = (Signal("k_c", "N/mm2", "Specific cutting force", 0), Signal("n", "1/s", "Speed of the spindle", 0))
+    r = Result("M", TIME, (7e3 * TIME)[:, None], {signal.name: signal for signal in signals})
+    panels = (Panel(("k_c",), title="Force"), Panel(("n",), title="Speed"))
+    figure(r, panels, file=tmp_path / "k.png")
+    assert not [record.getMessage() for record in caplog.records if record.name.startswith("matplotlib")]

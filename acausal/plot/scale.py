@@ -17,6 +17,9 @@ _LARGEST = {"s": 0, "m": 3}
 _STRESS = "N/m2"
 
 
+_RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+
+
 @dataclass(frozen=True)
 class Scale:
     """A unit to show values in: shown = slope * declared + offset."""
@@ -34,7 +37,8 @@ class Scale:
         """The unit in brackets as it stands on an axis; empty for a dimensionless quantity."""
         if self.unit in ("", "1"):
             return ""
-        text = re.sub(r"(?<=[A-Za-z)])(-?\d+)", r"$^{\1}$", self.unit)
+        # no mathtext: matplotlib looks a line break beside it up in a font, and says that it is missing
+        text = re.sub(r"(?<=[A-Za-z)])(-?\d+)", lambda m: m[1].translate(_RAISED), self.unit)
         text = re.sub(r"\bu(?=Ohm|Pa|Hz|Wb|[NWJVAFHCSTms])", "\u00b5", text)
         return f"[{text.replace('.', '·').replace('Ohm', 'Ω')}]"
 
