@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -68,22 +68,26 @@ def _match_small(core: Incidence) -> IntArray:
 def _augment(columns_of: Sequence[Sequence[int]], row_of: dict[int, int], start: int) -> bool:
     """Pair one more row, by a depth-first search for an augmenting path; `row_of` has the row of each paired column."""
     seen: set[int] = set()
-    path: list[tuple[int, Iterator[int]]] = [(start, iter(columns_of[start]))]
+    path, ahead = [start], [iter(columns_of[start])]
     taken: list[int] = []  # taken[k] leads from path[k] to the row it is matched to, path[k + 1]
     while path:
-        column = next((c for c in path[-1][1] if c not in seen), None)
-        if column is None:
+        for column in ahead[-1]:
+            if column not in seen:
+                break
+        else:
             path.pop()
+            ahead.pop()
             if taken:
                 taken.pop()
             continue
         seen.add(column)
         taken.append(column)
-        if column not in row_of:
-            for (row, _), c in zip(path, taken, strict=True):
-                row_of[c] = row
+        row = row_of.get(column)
+        if row is None:
+            row_of.update(zip(taken, path, strict=True))
             return True
-        path.append((row_of[column], iter(columns_of[row_of[column]])))
+        path.append(row)
+        ahead.append(iter(columns_of[row]))
     return False
 
 
