@@ -21,6 +21,8 @@ class External:
         length, direction = distance(frame_a.r_0, frame_b.r_0)
 
     Called with expressions it returns one expression per output, or the expression itself if there is one output only.
+    A run knows of a function only what it evaluates: what comes and goes inside of it within a step is not seen, unless
+    `simulate(max_step=...)` is short enough. A kink that is written as `maximum` of two outputs is located.
     Two objects are two functions even if they compute the same: create one and reuse it.
 
     Parameters
@@ -36,7 +38,7 @@ class External:
         Units of the outputs, for the check of dimensions; "" adapts.
     jumps
         Whether outputs may jump, as the distance along a ray does where the ray leaves a body. Kinks between such
-        outputs, `maximum(f(x), g(x))`, are left to the error control; all other kinks are located.
+        outputs, `maximum(f(x), g(x))`, are left to the error control; all other kinks between outputs are located.
 
     Raises
     ------
