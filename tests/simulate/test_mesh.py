@@ -9,7 +9,7 @@ from acausal.simulate.events.location.mesh import stepped
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_looks_of_fixed_steps(seed: int) -> None:
+def test_mesh_of_fixed_steps(seed: int) -> None:
     """Each output before the end is one of them, none is farther from the next than two steps, and all are evenly
     spaced between two outputs; fewer than all are the first ones of all."""
     rng = np.random.default_rng(seed)
