@@ -21,7 +21,8 @@ from acausal.export.observed import observed_function
 from acausal.export.ports import Output
 from acausal.export.sensitivity.saltation import Saltation
 from acausal.export.sensitivity.slopes import Matrices, Slopes
-from acausal.export.variation.element import Interval, Stiffness
+from acausal.export.variation.control import LEAST_SHARE
+from acausal.export.variation.element import Accuracy, Back, Interval, Stiffness
 from acausal.export.variation.variation import Variation
 from acausal.lower.build import Symbols
 from acausal.simulate.driver.hybrid import Passage
@@ -31,6 +32,12 @@ from acausal.simulate.events.regime import Regime
 
 # Relative distance below which two instants coincide.
 _APART = 1e-12
+# Share of a run to which its instants are known at best, and how many times as uncertain one of them may be.
+_ROUNDED, _MOST_UNCERTAIN = 1e-13, 1e10
+# Tolerance of the rough variations that tell how large they get, and the number of points of a stretch to look at.
+_ROUGH, _LOOKS = 1e-5, 5
+# So many times as large as the variations are those that the rough ones have told, if they are wrong; how often to try.
+_FAR, _AGAIN = 100.0, 3
 
 
 class Chain:
@@ -49,6 +56,8 @@ class Chain:
         self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.stiffness, self.native = Stiffness(), run.options.native
+        self.asked: list[tuple[Accuracy, list[int], Vector]] = []
+        """What has been asked of variations, of which carried variables, in which scale."""
         self.hybrid = run.hybrid
         self.marks = self._marks(run.options.max_step)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
@@ -73,8 +82,56 @@ class Chain:
         far = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
         return np.asarray(marks[far])
 
+    @cached_property
+    def scale(self) -> Vector:
+        """Largest variations of the carried variables over the run, roughly, shape (size, count)."""
+        x, own = self.start(), Stiffness()
+        largest = np.abs(x)
+        for k, passage in enumerate(self.passages):
+            by_x, by_p, *_ = self.event(passage)
+            x = by_x @ x + by_p
+            largest = np.maximum(largest, np.abs(x))
+            stretch = self.stretch(k)
+            for there in stretch.roughly(x, own):
+                x = there
+                largest = np.maximum(largest, np.abs(x))
+        return largest
+
+    @cached_property
+    def uncertain(self) -> list[float]:
+        """By how much the instant of each passage may be wrong [s]."""
+        found = []
+        for passage in self.passages:
+            known = _ROUNDED * max(abs(passage.time), self.stop - self.passages[0].time)
+            if passage.guard is not None:
+                rates, noises = self.hybrid.guards.rates(passage.time, passage.left)
+                rate, noise = abs(float(rates[passage.guard])), float(noises[passage.guard])
+                known = max(known, min(0.1 * noise / rate, known * _MOST_UNCERTAIN) if rate else 0.0)
+            found.append(known)
+        return found
+
     def forward(self) -> tuple[Vector, Vector]:
         """(d outputs / d parameters, shape (ny, count); d event times / d parameters, shape (n_events, count))."""
+        return self._judged(self._forward)
+
+    def _judged(self, derive: Callable[[], tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
+        """The results of a method, again where it finds variations that are far from what the rough ones have told."""
+        for _ in range(_AGAIN):
+            self.asked.clear()
+            found = derive()
+            largest = np.abs(self.start())
+            for accuracy, rows, scale in self.asked:
+                largest[rows] = np.maximum(largest[rows], accuracy.largest * scale)
+            if not (self.scale > _FAR * (largest + LEAST_SHARE * largest.max(axis=0, initial=0.0))).any():
+                break
+            self.scale = largest
+        return found
+
+    def unresolved(self) -> float:
+        """Share of the variations that has come within steps that are as short as instants of events are known."""
+        return sum(accuracy.unresolved for accuracy, *_ in self.asked)
+
+    def _forward(self) -> tuple[Vector, Vector]:
         x = self.start()
         of_times = np.zeros((len(self.passages), self.count))
         for k, passage in enumerate(self.passages):
@@ -197,11 +254,21 @@ class Chain:
         return self.slopes.kept(key, lambda: observed_function(self.compiled, self.wanted))
 
     def adjoint(self) -> tuple[Vector, Vector]:
-        """The results of `forward`, by one sweep from the end backwards, to which each event adds its time as a row."""
+        """The results of `forward`, by one sweep from the end backwards, to which each event adds its time as a row.
+
+        A sweep forward comes before it, since steps have to be short enough for the variations.
+        """
+        return self._judged(self._adjoint)
+
+    def _adjoint(self) -> tuple[Vector, Vector]:
+        x, way = self.start(), []
+        for k, passage in enumerate(self.passages):
+            event = self.event(passage)
+            x, back = self.stretch(k).recorded(event[0] @ x + event[1])
+            way.append((event, back))
         rows, total, y_t = self.output()
-        for k in reversed(range(len(self.passages))):
-            rows, by_p = self.stretch(k).adjoint(rows)
-            on_x, on_p, time_x, time_p = self.event(self.passages[k])
+        for k, ((on_x, on_p, time_x, time_p), back) in reversed(list(enumerate(way))):
+            rows, by_p = back(rows)
             total = total + by_p + rows @ on_p
             before = rows @ on_x
             if k == self.terminal:
@@ -225,7 +292,7 @@ class Chain:
         """The linear map from just after event k to the next one, or to the end."""
         moment = self.passages[k].happened.moment
         until = self.passages[k + 1].time if k + 1 < len(self.passages) else self.stop
-        return Stretch(self, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
+        return Stretch(self, k, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
 
     def variation(self, regime: Regime) -> Variation:
         """The equations of a regime with their derivatives, cached."""
@@ -281,6 +348,7 @@ class Stretch:
     """One stretch without events, from `start` to `end` [s], with x (nx,), z (nz,) and m (nm,) at its start."""
 
     chain: Chain
+    number: int
     regime: Regime
     x: Vector
     z: Vector
@@ -301,6 +369,8 @@ class Stretch:
         slopes = variation.slopes
         scale, variables = slopes.scale[: slopes.nx, None], [*range(c.nx), *range(slopes.nx, slopes.n)]
         way = self._interval([*stops.tolist(), self.end], variation)
+        if parameters:
+            way = replace(way, accuracy=self._accuracy(scale))
         stop_times = {*stops.tolist(), self.end}
         for t, w, there in variation.carry(way, x[rows] / scale, c.stiffness, c.native, parameters=parameters):
             if t not in stop_times:
@@ -326,22 +396,46 @@ class Stretch:
                 yield t, through
                 here = replace(here, start=t, x=w[: self.chain.nx], z=w[self.chain.nx :])
 
-    def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
-        """Pull back `rows`, shape (k, size), from the end to carried variables at the start, and to parameters.
-
-        Returns shapes (k, size) and (k, count).
-        """
+    def recorded(self, x: Vector) -> tuple[Vector, Back]:
+        """(Variations at the end, as from `forward`; what pulls rows, shape (k, size), back over the stretch)."""
         c = self.chain
         if self.end <= self.start:
-            return rows, np.zeros((len(rows), c.count))
+            return x, lambda rows: (rows, np.zeros((len(rows), c.count)))
         variation, places = c.variation(self.regime), self._rows
         scale = variation.slopes.scale[: variation.slopes.nx]
-        found = rows.copy()
-        back, total = variation.back(
-            self._interval([self.end], variation), rows[:, places] * scale, c.stiffness, c.native
-        )
-        found[:, places] = back / scale
-        return found, total
+        way = replace(self._interval([self.end], variation), accuracy=self._accuracy(scale[:, None]))
+        end, own = variation.recorded(way, x[places] / scale[:, None], c.stiffness, c.native)
+        there = x.copy()
+        there[places] = end * scale[:, None]
+
+        def back(rows: Vector) -> tuple[Vector, Vector]:
+            found = rows.copy()
+            by_x, total = own(rows[:, places] * scale)
+            found[:, places] = by_x / scale
+            return found, total
+
+        return there, back
+
+    def roughly(self, x: Vector, stiffness: Stiffness) -> Iterator[Vector]:
+        """Variations due to `x` at the start, shape (size, count), and to parameters, at some points; same shape."""
+        c = self.chain
+        if self.end <= self.start:
+            return
+        variation = c.variation(self.regime)
+        scale = variation.slopes.scale[: variation.slopes.nx, None]
+        way = self._interval(np.linspace(self.start, self.end, _LOOKS + 1)[1:].tolist(), variation)
+        way = replace(way, tolerance=max(_ROUGH, c.tolerance))
+        for *_, there in variation.carry(way, x[self._rows] / scale, stiffness, c.native):
+            found = x.copy()
+            found[self._rows] = there * scale
+            yield found
+
+    def _accuracy(self, scale: Vector) -> Accuracy:
+        """What is asked of variations that are scaled by `scale`, shape (nx, 1)."""
+        c = self.chain
+        found = Accuracy(c.scale[self._rows] / scale, max(c.uncertain[self.number : self.number + 2]))
+        c.asked.append((found, self._rows, scale))
+        return found
 
     @cached_property
     def _rows(self) -> list[int]:

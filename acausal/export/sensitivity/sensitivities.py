@@ -5,9 +5,10 @@ The sequence of events is assumed to be that of the nominal run.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,7 +25,13 @@ from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
-from acausal.simulate.options import input_vector, options, parameter_vector
+from acausal.simulate.options import Options, input_vector, options, parameter_vector
+
+_log = logging.getLogger(__name__)
+# Share of the variations that may be uncertain before they are compared with those at a tolerance so much looser.
+_UNCERTAIN, _LOOSER = 1e-8, 3.0
+# Relative difference of derivatives at both tolerances from which on it is noted.
+_APART = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,14 +129,23 @@ def sensitivities(
         native=native,
     )
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
-    run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
-    result = run.result()
-    chain = Chain(run, chosen, wanted, tolerance)
-    refuse_missed(chain, result.time)
-    refuse_two_sided(chain)
+
+    def derived(opts: Options, *, again: bool = False) -> tuple[Chain, Result, Vector, Vector]:
+        run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
+        result = run.result()
+        chain = Chain(run, chosen, wanted, opts.tolerance)
+        if not again:
+            refuse_missed(chain, result.time)
+            refuse_two_sided(chain)
+        return chain, result, *(chain.forward() if method == "forward" else chain.adjoint())
+
+    chain, result, final, of_times = derived(opts)
     requested = np.asarray(times, dtype=float)
     _check_times(requested, chain)
-    final, of_times = chain.forward() if method == "forward" else chain.adjoint()
+    along = chain.trajectory(requested) if len(requested) else np.zeros((0, len(wanted), len(parameters)))
+    if chain.unresolved() > max(_UNCERTAIN, 10.0 * tolerance):
+        other = derived(replace(opts, tolerance=_LOOSER * tolerance), again=True)[2]
+        result = _with_note(result, chain, final, other)
     located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
         tuple(parameters),
@@ -140,8 +156,25 @@ def sensitivities(
         of_times[located],
         result,
         requested,
-        chain.trajectory(requested) if len(requested) else np.zeros((0, len(wanted), len(parameters))),
+        along,
     )
+
+
+def _with_note(result: Result, chain: Chain, final: Vector, other: Vector) -> Result:
+    """The run, with a note if its derivatives differ from those at a looser tolerance."""
+    y_x, *_ = chain.output()
+    least = 1e-6 * np.abs(y_x) @ chain.scale + 1e-12 * chain.scale.max(axis=0, initial=0.0) + 1e-290
+    size = np.maximum(np.abs(final), np.abs(other)) + least
+    apart = float((np.abs(final - other) / size).max(initial=0.0))
+    if apart <= _APART:
+        return result
+    note = (
+        f"derivatives are uncertain: at {_LOOSER:g} times the tolerance they differ by {apart:.1g} of their size, "
+        "since slopes are steep or infinite where an event is, or are rounding errors"
+    )
+    _log.warning("%s", note)
+    known: Any = result.stats.get("notes", ())
+    return replace(result, stats={**result.stats, "notes": (*known, note)})
 
 
 def _check_times(requested: Vector, chain: Chain) -> None:

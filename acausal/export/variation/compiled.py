@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.export.variation.element import LEAST, Interval, Stiffness
+from acausal.export.variation.element import LEAST, Back, Interval, Stiffness
 from acausal.export.variation.radau import step_too_small, tolerance_of
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import STAGES, in_c
@@ -32,9 +32,11 @@ class Structure(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_longlong) for name in ("n", "nx", "parameters", "columns", "entries", "largest")),
         *((name, ctypes.c_longlong) for name in ("stiff", "suspects", "cleared", "guessed", "capacity", "steps")),
+        ("refused", ctypes.c_longlong),
         *((name, ctypes.c_double) for name in ("t", "end", "h", "before", "tolerance", "radau_tolerance", "least")),
+        *((name, ctypes.c_double) for name in ("shortest", "unresolved")),
         *((name, ctypes.c_void_p) for name in ("starts", "rows", "constant", "modes")),
-        *((name, ctypes.c_void_p) for name in ("w", "x", "stages", "record", "total")),
+        *((name, ctypes.c_void_p) for name in ("w", "x", "stages", "record", "total", "peak", "scale")),
     )
 
 
@@ -52,15 +54,16 @@ class Program:
     ) -> Iterator[tuple[float, Vector, Vector]]:
         """As `Variation.carry`, shapes as there; ends early if stiff steps have too many variables."""
         own = self._structure(interval, stiffness, x.shape[1], parameters)
-        own.x[:] = x
+        own.begin(x)
         for end in interval.ends:
             if not self._step_to(own, end, stiffness):
                 return
             yield end, own.w.copy(), own.x.copy()
 
-    def back(self, interval: Interval, rows: Vector, stiffness: Stiffness) -> tuple[Vector, Vector] | None:
-        """As `Variation.back`, shapes as there; None where `carry` would end early."""
-        own = self._structure(interval, stiffness, 0, True)
+    def recorded(self, interval: Interval, x: Vector, stiffness: Stiffness) -> tuple[Vector, Back] | None:
+        """As `Variation.recorded`, shapes as there; None where `carry` would end early."""
+        own = self._structure(interval, stiffness, x.shape[1], True)
+        own.begin(x)
         records: list[tuple[Vector, int]] = []
         for end in interval.ends:
             while own.fields.t < end:
@@ -68,20 +71,25 @@ class Program:
                 own.fields.record, own.fields.capacity, own.fields.steps = address(record), _MOST, 0
                 if not self._step_to(own, end, stiffness):
                     return None
-                records.append((record, own.fields.steps))
-        own.resize(len(rows))
-        own.x[:] = rows.T
-        for record, steps in reversed(records):
-            own.fields.record, own.fields.steps = address(record), steps
-            if self._back(ctypes.byref(own.fields)) != _DONE:
-                raise step_too_small(interval.start)
-        return own.x.T.copy(), own.total.T.copy()
+                records.append((record[: own.fields.steps].copy(), own.fields.steps))
+
+        def back(rows: Vector) -> tuple[Vector, Vector]:
+            own.resize(len(rows))
+            own.x[:] = rows.T
+            for record, steps in reversed(records):
+                own.fields.record, own.fields.steps = address(record), steps
+                if self._back(ctypes.byref(own.fields)) != _DONE:
+                    raise step_too_small(interval.start)
+            return own.x.T.copy(), own.total.T.copy()
+
+        return own.x.copy(), back
 
     def _step_to(self, own: _Arguments, end: float, stiffness: Stiffness) -> bool:
         """Step to an instant, or until the record is full; False if compiled code cannot continue."""
         own.fields.end = end
         status = self._forward(ctypes.byref(own.fields))
         stiffness.stiff = bool(own.fields.stiff)
+        own.report()
         if status not in (_DONE, _FULL, _STIFF):
             raise step_too_small(own.fields.t)
         return bool(status != _STIFF)
@@ -96,7 +104,7 @@ class _Arguments:
     def __init__(
         self, slopes: Slopes, interval: Interval, stiffness: Stiffness, columns: int, parameters: bool
     ) -> None:
-        self.slopes = slopes
+        self.slopes, self.accuracy = slopes, interval.accuracy
         self.w, self.stages = interval.w.copy(), np.zeros(STAGES * slopes.n)
         self.numbers = tuple(np.ascontiguousarray(v, dtype=float) for v in interval.numbers)
         self.fields = Structure(
@@ -118,6 +126,22 @@ class _Arguments:
             stages=address(self.stages),
         )
         self.resize(columns)
+
+    def begin(self, x: Vector) -> None:
+        """Take variations at the start, shape (nx, k)."""
+        self.x[:] = x
+        self.peak = np.abs(self.x)
+        self.fields.peak = address(self.peak)
+        if self.accuracy is not None:
+            self.scale = np.ascontiguousarray(self.accuracy.scale)
+            self.fields.scale, self.fields.shortest = address(self.scale), self.accuracy.shortest
+
+    def report(self) -> None:
+        """Hand on what has not been reached."""
+        if self.accuracy is not None:
+            self.accuracy.unresolved += self.fields.unresolved
+            self.fields.unresolved = 0.0
+            self.accuracy.largest = np.maximum(self.accuracy.largest, self.peak)
 
     def resize(self, columns: int) -> None:
         """Allocate this number of columns of variations, with zeros."""

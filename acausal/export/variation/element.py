@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 from acausal.arrays import Vector
 
@@ -14,21 +16,50 @@ LEAST = 1e-40
 """Smallest step, relative to the stretch."""
 
 
+Back = Callable[[Vector], tuple[Vector, Vector]]
+"""Pulls back rows, shape (k, nx), over an interval to states at its start, same shape, and parameters, (k, count)."""
+
+
 class Element(Protocol):
-    """One step to the time `t` [s]; `w`, shape (n,), are the scaled states and algebraic variables there."""
+    """One step to the time `t` [s], with scaled values there.
+
+    `w`, shape (n,), are states and algebraic variables, `x`, shape (nx, k), the variations that are carried.
+    """
 
     @property
     def t(self) -> float: ...
     @property
     def w(self) -> Vector: ...
-
-    def forward(self, x: Vector, parameters: bool = True) -> Vector:
-        """Variations at the end, shape (nx, k), due to `x` at the start, same shape, and to a parameter per column."""
-        ...
+    @property
+    def x(self) -> Vector: ...
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
-        """Pull back `rows`, shape (k, nx), to states at the start, same shape, and to parameters, shape (k, count)."""
+        """Pull back `rows`, shape (k, nx), to states at the start, same shape, and to parameters, shape (k, count).
+
+        Steps that carry no variations cannot.
+        """
         ...
+
+
+@dataclass(eq=False)
+class Accuracy:
+    """What is asked of the variations over an interval, and where it is not reached.
+
+    `scale`, shape (nx, k), are their largest values over the run, roughly. Steps shorter than `shortest` [s] would not
+    make them more accurate, since the ends of the interval are known no better.
+    """
+
+    scale: Vector
+    shortest: float
+    largest: float | Vector = 0.0
+    """The largest values over the interval that have been found, shape (nx, k)."""
+    unresolved: float = 0.0
+    """What is uncertain for steps that are as short, relative to `scale`."""
+
+    def missed(self, errors: Vector) -> None:
+        """Note errors of variations, shape (nx, k), that shorter steps would not make smaller."""
+        size = self.scale + 1e-6 * self.scale.max(axis=0, initial=0.0) + 1e-290
+        self.unresolved += float((np.abs(errors) / size).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +67,7 @@ class Interval:
     """An interval from `start` [s], with scaled variables `w`, shape (n,), to the last of `ends` [s].
 
     Steps end at each of the `ends`. `numbers` are (u, p) as one vector, shape (nu + np,), and modes, shape (nm,).
+    Without `accuracy` steps are as long as their states allow.
     """
 
     start: float
@@ -43,6 +75,7 @@ class Interval:
     w: Vector
     numbers: tuple[Vector, Vector]
     tolerance: float
+    accuracy: Accuracy | None = None
 
 
 @dataclass

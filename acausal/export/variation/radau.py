@@ -16,6 +16,7 @@ import scipy.sparse.linalg
 
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError
+from acausal.export.variation.control import Control
 from acausal.export.variation.element import LEAST, SMALL, Interval
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import RADAU, STAGES
@@ -55,16 +56,10 @@ class RadauElement:
 
     t: float
     w: Vector
+    x: Vector
     matrix: Matrix
     right: Vector
     nx: int
-
-    def forward(self, x: Vector, parameters: bool = True) -> Vector:
-        """See `Element`."""
-        right = self.right.copy() if parameters else np.zeros((len(self.right), x.shape[1]))
-        for k in range(STAGES):
-            right[self._part(k)] += x
-        return self.matrix.solve(right)[self._part(STAGES - 1)]
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
         """See `Element`."""
@@ -79,12 +74,12 @@ class RadauElement:
         return slice(first, first + self.nx)
 
 
-def radau(slopes: Slopes, interval: Interval) -> Iterator[RadauElement]:
-    """Steps over an interval.
+def radau(slopes: Slopes, interval: Interval, x: Vector, parameters: bool) -> Iterator[RadauElement]:
+    """Steps over an interval; `x` and `parameters` as in `explicit`.
 
     Raises IntegrationError: AC408 where no step is small enough.
     """
-    return _Stepping(slopes, interval).elements()
+    return _Stepping(slopes, interval, x, parameters).elements()
 
 
 def tolerance_of(tolerance: float) -> float:
@@ -97,10 +92,12 @@ def tolerance_of(tolerance: float) -> float:
 
 
 class _Stepping:
-    def __init__(self, slopes: Slopes, interval: Interval) -> None:
+    def __init__(self, slopes: Slopes, interval: Interval, x: Vector, parameters: bool) -> None:
         self.slopes, self.interval = slopes, interval
         self.n, self.nx = slopes.n, slopes.nx
         self.tolerance = tolerance_of(interval.tolerance)
+        self.x, self.parameters = x, parameters
+        self.control = Control(interval.accuracy, self.tolerance, x)
         inside = slopes.columns < self.n
         self._inside, self._outside = np.flatnonzero(inside), np.flatnonzero(~inside)
         self._places = self._sparse_places() if not slopes.is_small else None
@@ -124,13 +121,14 @@ class _Stepping:
                 h, guess = h / 4, np.tile(w, (STAGES, 1))
                 continue
             stages, matrix, right = found
-            error = self._error(h, w, stages, value, entries)
+            after, error = self._judged(h, w, stages, (value, entries), found[1:])
             growth = 0.9 * error ** (-1 / (STAGES + 1)) if error > 0 else 8.0
             if error > 1:
                 h, guess = h * max(0.2, min(growth, 0.9)), np.tile(w, (STAGES, 1))
                 continue
-            t, before, w = until if h == until - t else t + h, h, stages[-1]
-            yield RadauElement(t, w, matrix, right, self.nx)
+            t, before, w, self.x = until if h == until - t else t + h, h, stages[-1], after
+            self.control.accepted(after)
+            yield RadauElement(t, w, after, matrix, right, self.nx)
             value, entries = slopes.at(t, w, *interval.numbers)
             h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
             guess = _extrapolate(stages, min(h, end - t) / before)
@@ -200,26 +198,74 @@ class _Stepping:
         by_p[:, :nx] = -h * np.einsum("ij,jrc->irc", _A, by_p[:, :nx])
         return by_p.reshape(STAGES * n, self.slopes.count)
 
-    def _error(self, h: float, w: Vector, stages: Vector, value: Vector, entries: Vector) -> float:
-        """Error of the step estimated by the embedded method, relative to the tolerance."""
-        nx, n = self.nx, self.n
-        right = np.zeros(n)
-        right[:nx] = RADAU.weights @ (stages[:, :nx] - w[:nx]) / h + value[:nx]
-        own = np.zeros(n)
-        own[:nx] = RADAU.real / h
-        rows, columns = self.slopes.rows[self._inside], self.slopes.columns[self._inside]
+    def _judged(
+        self, h: float, w: Vector, stages: Vector, start: tuple[Vector, Vector], linear: tuple[Matrix, Vector]
+    ) -> tuple[Vector, float]:
+        """(Variations at the end of a step, shape (nx, k); error of the step, by the embedded method, in tolerances).
+
+        `start` are value and entries at the start, `linear` the matrix of the stages and minus their derivatives by
+        parameters.
+        """
+        nx, (value, entries) = self.nx, start
         try:
-            if self.slopes.is_small:
-                matrix: Any = np.diag(own)
-                matrix[rows, columns] -= entries[self._inside]
-            else:
-                slopes = scipy.sparse.csc_matrix((entries[self._inside], (rows, columns)), shape=(n, n))
-                matrix = (scipy.sparse.diags(own) - slopes).tocsc()
-            found = Matrix(matrix).solve(right)
+            matrix = Matrix(self._small_matrix(h, entries))
+            found = matrix.solve(self._embedded(h, stages[:, :nx] - w[:nx], value[:nx]))
+            size = self.tolerance * (SMALL + np.maximum(np.abs(w[:nx]), np.abs(stages[-1, :nx])))
+            error = float(np.sqrt(np.mean((found[:nx] / size) ** 2))) if nx else 0.0
+            if error > 1 or not (nx and self.x.shape[1]):
+                return self.x, error
+            x = self._variations(*linear)
+            if self.control.accuracy is None:
+                return x[-1, :nx], error
+            rate = self._rate_of_variations(entries)
+            found = matrix.solve(self._embedded(h, x[:, :nx] - self.x, rate))
         except (np.linalg.LinAlgError, RuntimeError):
-            return np.inf
-        size = self.tolerance * (SMALL + np.maximum(np.abs(w[:nx]), np.abs(stages[-1, :nx])))
-        return float(np.sqrt(np.mean((found[:nx] / size) ** 2))) if nx else 0.0
+            return self.x, np.inf
+        after = x[-1, :nx]
+        if not np.isfinite(found).all():
+            return after, np.inf
+        own = np.sqrt(np.mean((found[:nx] / self.control.allowed(self.x, after)) ** 2, axis=0))
+        return after, max(error, self.control.judged(h, float(own.max()), after - self.x, found[:nx]))
+
+    def _small_matrix(self, h: float, entries: Vector) -> Any:
+        """The matrix of the embedded error, (n, n)."""
+        n, inside = self.n, self._inside
+        own = np.zeros(n)
+        own[: self.nx] = RADAU.real / h
+        rows, columns = self.slopes.rows[inside], self.slopes.columns[inside]
+        if self.slopes.is_small:
+            matrix: Any = np.diag(own)
+            matrix[rows, columns] -= entries[inside]
+            return matrix
+        slopes = scipy.sparse.csc_matrix((entries[inside], (rows, columns)), shape=(n, n))
+        return (scipy.sparse.diags(own) - slopes).tocsc()
+
+    def _embedded(self, h: float, moved: Vector, rate: Vector) -> Vector:
+        """The right-hand side of the embedded error, (n, ...), from (STAGES, nx, ...) and the rate at the start."""
+        right = np.zeros((self.n, *moved.shape[2:]))
+        right[: self.nx] = np.tensordot(RADAU.weights, moved, 1) / h + rate
+        return right
+
+    def _variations(self, matrix: Matrix, right: Vector) -> Vector:
+        """Variations at the stages, shape (STAGES, n, k)."""
+        own = right.copy() if self.parameters else np.zeros((len(right), self.x.shape[1]))
+        for k in range(STAGES):
+            own[k * self.n : k * self.n + self.nx] += self.x
+        return matrix.solve(own).reshape(STAGES, self.n, -1)
+
+    def _rate_of_variations(self, entries: Vector) -> Vector:
+        """Rates of the variations at the start of a step, shape (nx, k)."""
+        n, nx = self.n, self.nx
+        shape = n, n + self.slopes.count
+        slopes: Any = scipy.sparse.csc_matrix((entries, self.slopes.rows, self.slopes.starts), shape=shape)
+        rate = slopes[:, :nx] @ self.x
+        if self.parameters:
+            rate = rate + slopes[:, n:].toarray()
+        if n == nx:
+            return np.asarray(rate)
+        own = slopes[:, nx:n].tocsc()
+        algebraic = Matrix(own[nx:].toarray() if self.slopes.is_small else own[nx:]).solve(-rate[nx:])
+        return np.asarray(rate[:nx] + own[:nx] @ algebraic)
 
 
 def step_too_small(t: float) -> IntegrationError:

@@ -10,18 +10,20 @@
 
 typedef long long count_t;
 enum { DONE = 0, FULL = 1, STIFF = 2, LOST = 3, NO_MEMORY = 4 };
-enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6 };
+enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOST_REFUSED = 100 };
 #define STABLE 6.1
 #define DAMPED 2.5
+#define DAMPED_VARIATIONS 0.5
 
 /* `Structure` of compiled.py, field by field. Matrices are row by row. */
 struct variation {
   count_t n, nx, parameters, columns, entries, largest;
-  count_t stiff, suspects, cleared, guessed, capacity, steps;
-  double t, end, h, before, tolerance, radau_tolerance, least;
+  count_t stiff, suspects, cleared, guessed, capacity, steps, refused;
+  double t, end, h, before, tolerance, radau_tolerance, least, shortest, unresolved;
   const count_t *starts, *rows; /* of the slopes, column by column: by n variables, then by parameters */
   const double *constant, *modes;
-  double *w, *x, *stages, *record, *total;
+  double *w, *x, *stages, *record, *total, *peak;
+  const double *scale; /* of the variations, row by row; none where their error is not controlled */
 };
 
 struct space {
@@ -29,6 +31,7 @@ struct space {
   double** res;
   casadi_int* iw;
   double *w, *value, *slopes, *next, *matrix, *small, *right, *residual, *stage_slopes, *values, *rate, *sums;
+  double *after, *rates, *sizes; /* variations at the end of a step that is tried, rates at its start, allowed errors */
   count_t *pivot, *small_pivot;
 };
 
@@ -125,6 +128,50 @@ static double first_step(const struct variation* v, const double* rate, double t
     if (found > most) most = found;
   }
   return pow(tolerance, 1 / order) / most;
+}
+
+/* The largest value of a column of `scale`. */
+static double largest_of(const struct variation* v, count_t column) {
+  double largest = 0;
+  count_t r;
+  for (r = column; r < v->nx * v->columns; r += v->columns) largest = fmax(largest, v->scale[r]);
+  return largest;
+}
+
+/* The errors that a step may have in its variations, which go from `v->x` to `o->after`, as in control.py; `v->peak` are
+   their largest values since the start of the interval. */
+static void allowed(const struct variation* v, struct space* o, double tolerance) {
+  count_t m = v->columns, j, r;
+  for (j = 0; j < m; ++j) {
+    double rounding = 1e-15 * largest_of(v, j) + 1e-290;
+    for (r = j; r < v->nx * m; r += m) {
+      double size = fmax(fabs(v->x[r]), fabs(o->after[r]));
+      o->sizes[r] = tolerance * (1e-3 * fmax(v->peak[r], size) + size + 1e-5 * v->scale[r]) + rounding;
+    }
+  }
+}
+
+/* `ratio`, or less where shorter steps would be no better, as in control.py; `errors` are those of the variations. */
+static double judged(struct variation* v, const struct space* o, double h, double ratio, const double* errors) {
+  double most = 0;
+  count_t m = v->columns, is_short = h <= v->shortest, j, r;
+  if (!(ratio > 1) || (++v->refused < MOST_REFUSED && !is_short)) return ratio;
+  for (j = 0; j < m; ++j) {
+    double least = 1e-6 * largest_of(v, j) + 1e-290;
+    for (r = j; r < v->nx * m; r += m) {
+      double error = is_short ? o->after[r] - v->x[r] : errors[r];
+      most = fmax(most, fabs(error) / (v->scale[r] + least));
+    }
+  }
+  v->unresolved += most;
+  return is_short ? 0.1 : 0.0;
+}
+
+/* to += what parameters add to the rates of variations. */
+static void by_parameters(const struct variation* v, const double* slopes, double* to) {
+  count_t c, e, m = v->columns;
+  for (c = 0; c < v->parameters; ++c)
+    for (e = v->starts[v->n + c]; e < v->starts[v->n + c + 1]; ++e) to[v->rows[e] * m + c] += slopes[e];
 }
 
 /* ---- Radau IIA ---- */
@@ -248,15 +295,63 @@ static void radau_right(const struct variation* v, const struct space* o, double
       }
 }
 
-static int radau_forward(const struct variation* v, struct space* o, double t, double h, const double* stages) {
+/* Variations at the end of a step, into `o->after`, from the stages in `o->next`; those of all stages are in `o->right`. */
+static int radau_forward(const struct variation* v, struct space* o, double t, double h) {
   count_t n = v->n, m = v->columns, i;
-  if (!slopes_at(v, o, t, h, stages) || !radau_matrix(v, o, h)) return 0;
+  if (!slopes_at(v, o, t, h, o->next) || !radau_matrix(v, o, h)) return 0;
   memset(o->right, 0, sizeof(double) * (size_t) (STAGES * n * m));
   for (i = 0; i < STAGES; ++i) memcpy(o->right + i * n * m, v->x, sizeof(double) * (size_t) (v->nx * m));
   radau_right(v, o, h, o->right, m);
   solved(o->matrix, STAGES * n, o->pivot, o->right, m);
-  memcpy(v->x, o->right + (STAGES - 1) * n * m, sizeof(double) * (size_t) (v->nx * m));
+  memcpy(o->after, o->right + (STAGES - 1) * n * m, sizeof(double) * (size_t) (v->nx * m));
+  return are_finite(o->after, v->nx * m);
+}
+
+/* Rates of the variations at the start of a step into `o->rates`, with the algebraic ones that belong to them; uses
+   `o->matrix` and `o->sums`. */
+static int radau_start(const struct variation* v, struct space* o) {
+  count_t n = v->n, nx = v->nx, nz = n - nx, m = v->columns, c, e, i;
+  double* algebraic = o->sums;
+  memset(o->rates, 0, sizeof(double) * (size_t) (n * m));
+  for (c = 0; c < nx; ++c)
+    for (e = v->starts[c]; e < v->starts[c + 1]; ++e) added(o->rates + v->rows[e] * m, o->slopes[e], v->x + c * m, m);
+  by_parameters(v, o->slopes, o->rates);
+  if (!nz) return 1;
+  memset(o->matrix, 0, sizeof(double) * (size_t) (nz * nz));
+  for (c = nx; c < n; ++c)
+    for (e = v->starts[c]; e < v->starts[c + 1]; ++e)
+      if (v->rows[e] >= nx) o->matrix[(v->rows[e] - nx) * nz + c - nx] = o->slopes[e];
+  if (!are_finite(o->matrix, nz * nz) || !factorised(o->matrix, nz, o->pivot)) return 0;
+  for (i = 0; i < nz * m; ++i) algebraic[i] = -o->rates[nx * m + i];
+  solved(o->matrix, nz, o->pivot, algebraic, m);
+  for (c = nx; c < n; ++c)
+    for (e = v->starts[c]; e < v->starts[c + 1]; ++e)
+      if (v->rows[e] < nx) added(o->rates + v->rows[e] * m, o->slopes[e], algebraic + (c - nx) * m, m);
   return 1;
+}
+
+/* The error of the variations over a step, of the worst column, in what is allowed; `radau_error` and `radau_forward`
+   have been called. */
+static double radau_variation_error(struct variation* v, struct space* o, double h) {
+  count_t n = v->n, nx = v->nx, m = v->columns, i, j, r;
+  double most = 0;
+  if (!v->scale) return 0.0;
+  if (!radau_start(v, o)) return INFINITY;
+  memset(o->rates + nx * m, 0, sizeof(double) * (size_t) ((n - nx) * m));
+  for (i = 0; i < STAGES; ++i)
+    for (r = 0; r < nx * m; ++r) o->rates[r] += RADAU_E[i] * (o->right[i * n * m + r] - v->x[r]) / h;
+  if (!are_finite(o->rates, n * m)) return INFINITY;
+  solved(o->small, n, o->small_pivot, o->rates, m);
+  allowed(v, o, v->radau_tolerance);
+  for (j = 0; j < m; ++j) {
+    double sum = 0;
+    for (r = j; r < nx * m; r += m) {
+      double one = o->rates[r] / o->sizes[r];
+      sum += one * one;
+    }
+    if (!(sum <= most)) most = sum;
+  }
+  return nx ? judged(v, o, h, sqrt(most / (double) nx), o->rates) : 0.0;
 }
 
 static int radau_backward(const struct variation* v, struct space* o, double t, double h, const double* stages) {
@@ -293,6 +388,11 @@ static int explicit_stages(const struct variation* v, struct space* o, double t,
   return are_finite(o->values, n * (EXPLICIT + to_end));
 }
 
+/* The error of a step from the sums of squares of both embedded errors over its n variables. */
+static double estimate(double h, double five, double three, count_t n) {
+  return five > 0 ? h * five / sqrt((five + 0.01 * three) * (double) n) : 0.0;
+}
+
 static double explicit_error(const struct variation* v, struct space* o, double h) {
   count_t n = v->n, k, i;
   double five = 0, three = 0;
@@ -305,12 +405,12 @@ static double explicit_error(const struct variation* v, struct space* o, double 
     five += a * a / (size * size);
     three += b * b / (size * size);
   }
-  return five > 0 ? h * five / sqrt((five + 0.01 * three) * (double) n) : 0.0;
+  return estimate(h, five, three, n);
 }
 
 /* Whether steps are held back by what is stiff, by the slope that the last two points of a step tell, again and again:
    beyond stability, or where what decays is as fast as the steps and yet not seen by their error. */
-static int is_held_back(struct variation* v, const struct space* o, double h) {
+static int is_held_back(struct variation* v, const struct space* o, double h, double most) {
   count_t n = v->n, k;
   double rates = 0, points = 0, damped = 0;
   for (k = 0; k < n; ++k) {
@@ -320,7 +420,7 @@ static int is_held_back(struct variation* v, const struct space* o, double h) {
     points += b * b;
     damped -= a * b;
   }
-  if (points > 0 && (h * sqrt(rates / points) > STABLE || h * damped > DAMPED * points)) {
+  if (points > 0 && (h * sqrt(rates / points) > STABLE || h * damped > most * points)) {
     v->cleared = 0;
     return ++v->suspects >= SUSPECTS;
   }
@@ -328,37 +428,62 @@ static int is_held_back(struct variation* v, const struct space* o, double h) {
   return 0;
 }
 
-/* Slopes at the stages of a step, which are in `o->next`. */
-static int explicit_slopes(const struct variation* v, struct space* o, double t, double h) {
+/* Slopes at the stages of a step, which are in `o->next`, and at its end. */
+static int explicit_slopes(const struct variation* v, struct space* o, double t, double h, int to_end) {
   count_t i;
-  for (i = 0; i < EXPLICIT; ++i)
-    if (evaluated(slopes, v, o, t + h * EXPLICIT_C[i], o->next + i * v->n, o->value, o->stage_slopes + i * v->entries)) return 0;
-  return are_finite(o->stage_slopes, EXPLICIT * v->entries);
+  for (i = 0; i < EXPLICIT + to_end; ++i)
+    if (evaluated(slopes, v, o, t + h * (i < EXPLICIT ? EXPLICIT_C[i] : 1.0), o->next + i * v->n, o->value,
+                  o->stage_slopes + i * v->entries))
+      return 0;
+  return are_finite(o->stage_slopes, (EXPLICIT + to_end) * v->entries);
 }
 
+/* Variations at the end of a step, into `o->after`; their rates at the stages and at the end are in `o->right`. */
 static int explicit_forward(const struct variation* v, struct space* o, double t, double h) {
-  count_t n = v->n, m = v->columns, all = n * m, i, j, c, e;
-  double* at = o->sums;
-  if (!explicit_slopes(v, o, t, h)) return 0;
-  memset(o->right, 0, sizeof(double) * (size_t) (EXPLICIT * all));
-  for (i = 0; i < EXPLICIT; ++i) {
+  count_t m = v->columns, all = v->n * m, i, j;
+  if (!explicit_slopes(v, o, t, h, 1)) return 0;
+  memset(o->right, 0, sizeof(double) * (size_t) ((EXPLICIT + 1) * all));
+  for (i = 0; i <= EXPLICIT; ++i) {
     const double* own = o->stage_slopes + i * v->entries;
     double* to = o->right + i * all;
-    memcpy(at, v->x, sizeof(double) * (size_t) all);
-    for (j = 0; j < i; ++j)
-      if (EXPLICIT_A[i][j] != 0.0) added(at, h * EXPLICIT_A[i][j], o->right + j * all, all);
-    multiplied(v, own, at, to, m, 0);
-    for (c = 0; c < v->parameters; ++c)
-      for (e = v->starts[n + c]; e < v->starts[n + c + 1]; ++e) to[v->rows[e] * m + c] += own[e];
+    memcpy(o->after, v->x, sizeof(double) * (size_t) all);
+    for (j = 0; j < i; ++j) {
+      double f = i < EXPLICIT ? EXPLICIT_A[i][j] : EXPLICIT_B[j];
+      if (f != 0.0) added(o->after, h * f, o->right + j * all, all);
+    }
+    multiplied(v, own, o->after, to, m, 0);
+    by_parameters(v, own, to);
   }
-  for (i = 0; i < EXPLICIT; ++i) added(v->x, h * EXPLICIT_B[i], o->right + i * all, all);
-  return 1;
+  return are_finite(o->right, (EXPLICIT + 1) * all);
+}
+
+/* As `radau_variation_error`; `explicit_forward` has been called. */
+static double explicit_variation_error(struct variation* v, struct space* o, double h) {
+  count_t n = v->n, m = v->columns, all = n * m, i, j, r;
+  double most = 0;
+  if (!v->scale) return 0.0;
+  allowed(v, o, v->tolerance);
+  for (j = 0; j < m; ++j) {
+    double five = 0, three = 0;
+    for (r = j; r < all; r += m) {
+      double a = 0, b = 0;
+      for (i = 0; i <= EXPLICIT; ++i) {
+        a += EXPLICIT_5[i] * o->right[i * all + r];
+        b += EXPLICIT_3[i] * o->right[i * all + r];
+      }
+      o->rates[r] = h * a;
+      five += a * a / (o->sizes[r] * o->sizes[r]);
+      three += b * b / (o->sizes[r] * o->sizes[r]);
+    }
+    most = fmax(most, estimate(h, five, three, n));
+  }
+  return judged(v, o, h, most, o->rates);
 }
 
 static int explicit_backward(const struct variation* v, struct space* o, double t, double h) {
   count_t n = v->n, m = v->columns, all = n * m, i, j, c, e;
   double* own = o->sums; /* what a rate of a stage is worth */
-  if (!explicit_slopes(v, o, t, h)) return 0;
+  if (!explicit_slopes(v, o, t, h, 0)) return 0;
   memset(o->right, 0, sizeof(double) * (size_t) (EXPLICIT * all));
   for (i = EXPLICIT - 1; i >= 0; --i) {
     const double* slope = o->stage_slopes + i * v->entries;
@@ -391,7 +516,7 @@ static int step(struct variation* v, struct space* o) {
     v->guessed = 0;
   }
   for (;;) {
-    double whole = v->h, h = v->t + 1.01 * v->h >= v->end ? v->end - v->t : v->h, t = v->t, error, grown;
+    double whole = v->h, h = v->t + 1.01 * v->h >= v->end ? v->end - v->t : v->h, t = v->t, damped = DAMPED, error, grown;
     const double* end;
     int ends = h == v->end - v->t, good;
     if (!(t + h > t) || h < v->least) return LOST;
@@ -406,18 +531,26 @@ static int step(struct variation* v, struct space* o) {
       good = explicit_stages(v, o, t, h, v->w, 1);
       error = good ? explicit_error(v, o, h) : INFINITY;
       end = o->next + EXPLICIT * n;
-      if (good && is_held_back(v, o, h)) {
-        v->stiff = 1;
-        v->h = 0;
-        return v->n > v->largest ? STIFF : DONE;
-      }
     }
     if (!good || !isfinite(error)) { v->h = h / 4; v->guessed = 0; continue; }
+    if (error <= 1 && v->columns) {
+      double own = INFINITY;
+      if (v->stiff ? radau_forward(v, o, t, h) : explicit_forward(v, o, t, h))
+        own = v->stiff ? radau_variation_error(v, o, h) : explicit_variation_error(v, o, h);
+      if (!isfinite(own)) { v->h = h / 4; v->guessed = 0; continue; }
+      if (own > error) { error = own; damped = DAMPED_VARIATIONS; }
+    }
+    if (!v->stiff && is_held_back(v, o, h, damped)) {
+      v->stiff = 1;
+      v->h = 0;
+      return v->n > v->largest ? STIFF : DONE;
+    }
     grown = error > 0 ? 0.9 * pow(error, v->stiff ? -1.0 / (STAGES + 1) : -1.0 / 8) : 8.0;
     if (error > 1) { v->h = h * fmax(0.2, fmin(grown, 0.9)); v->guessed = 0; continue; }
     if (v->capacity) recorded(v, t, h, v->stiff ? o->next : v->w, v->stiff ? STAGES * n : n);
     memcpy(v->stages, v->stiff ? o->next : end, sizeof(double) * (size_t) (v->stiff ? STAGES * n : n));
-    if (v->columns && !(v->stiff ? radau_forward(v, o, t, h, v->stages) : explicit_forward(v, o, t, h))) return LOST;
+    memcpy(v->x, o->after, sizeof(double) * (size_t) (v->nx * v->columns));
+    for (i = 0; i < v->nx * v->columns; ++i) v->peak[i] = fmax(v->peak[i], fabs(v->x[i]));
     memcpy(v->w, v->stages + (v->stiff ? (STAGES - 1) * n : 0), sizeof(double) * (size_t) n);
     v->t = ends ? v->end : t + h;
     v->before = h;
@@ -460,10 +593,11 @@ static int called(struct variation* v, int (*what)(struct variation*, struct spa
   for (k = 0; k < 4; ++k)
     if (b[k] > a[k]) a[k] = b[k];
   {
-    count_t sizes[] = {a[3], n, v->entries, (EXPLICIT + 1) * n, most * most, dense * dense, EXPLICIT * n * columns,
-                       wide, EXPLICIT * v->entries, (EXPLICIT + 1) * n, n, wide * columns};
+    count_t sizes[] = {a[3], n, v->entries, (EXPLICIT + 1) * n, most * most, dense * dense, (EXPLICIT + 1) * n * columns,
+                       wide, (EXPLICIT + 1) * v->entries, (EXPLICIT + 1) * n, n, wide * columns, n * columns, n * columns,
+                       n * columns};
     double** parts[] = {&o.w, &o.value, &o.slopes, &o.next, &o.matrix, &o.small, &o.right,
-                        &o.residual, &o.stage_slopes, &o.values, &o.rate, &o.sums};
+                        &o.residual, &o.stage_slopes, &o.values, &o.rate, &o.sums, &o.after, &o.rates, &o.sizes};
     count_t total = 0;
     for (k = 0; k < (count_t) (sizeof(sizes) / sizeof(*sizes)); ++k) total += sizes[k] + 1;
     memory = malloc(sizeof(double) * (size_t) total);

@@ -1,0 +1,161 @@
+"""Explicit steps of order 8 (DOP853) with exact derivatives, as long as they are not stiff."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from acausal.arrays import Vector
+from acausal.export.variation.control import Control
+from acausal.export.variation.element import LEAST, SMALL, Interval, Stiffness
+from acausal.export.variation.slopes import Slopes
+from acausal.export.variation.tables import EXPLICIT_3, EXPLICIT_5, EXPLICIT_A, EXPLICIT_C, EXPLICIT_STAGES
+
+# The end of the method's region of stability on the negative axis; so many steps beyond it are stiff ones, so many on
+# this side of it are not (Hairer, Nørsett, Wanner, DOP853). At tight tolerances steps hover on this side of it: what
+# decays so fast and yet is not seen by their error counts as well, oscillations do not.
+_STABLE, _DAMPED, _SUSPECTS, _CLEARED = 6.1, 2.5, 15, 6
+# The same for steps whose length is that of the variations: small ones, which what decays leaves behind, feel the error
+# of the states.
+_DAMPED_VARIATIONS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class ExplicitElement:
+    """See `Element`; `slopes` are matrices by variables and parameters, one for each stage."""
+
+    t: float
+    w: Vector
+    x: Vector
+    h: float
+    slopes: list[Any]
+
+    def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
+        """See `Element`."""
+        k, n = rows.shape
+        total = np.zeros((k, self.slopes[0].shape[1] - n))
+        on = np.zeros((EXPLICIT_STAGES, k, n))  # what each stage is worth
+        for i in range(EXPLICIT_STAGES - 1, -1, -1):
+            rate = self.h * (EXPLICIT_A[-1, i] * rows + _weighted(EXPLICIT_A[i + 1 : -1, i], on[i + 1 :]))
+            found = (self.slopes[i].T @ rate.T).T
+            on[i] = found[:, :n]
+            total += found[:, n:]
+        return rows + on.sum(axis=0), total
+
+
+def _weighted(weights: Vector, stages: Vector) -> Vector:
+    """The sum of stages (s, n, k) by their weights, (n, k); `np.tensordot` takes five times as long for it."""
+    s, n, k = stages.shape
+    return (weights @ stages.reshape(s, n * k)).reshape(n, k)
+
+
+def explicit(
+    slopes: Slopes, interval: Interval, stiffness: Stiffness, x: Vector, parameters: bool
+) -> Iterator[ExplicitElement]:
+    """The steps, as far as they are not stiff; no more come where one fails at every length.
+
+    `x`, shape (nx, k), are variations at the start, of directions of the chosen parameters if `parameters`.
+    """
+    c, m = interval.numbers
+    t, w, end = interval.start, interval.w, interval.ends[-1]
+    tolerance, ends, h = interval.tolerance, iter(interval.ends), 0.0
+    until = next(ends)
+    control, suspects, cleared = Control(interval.accuracy, tolerance, x), 0, 0
+    while t < end:
+        if t >= until:
+            until = next(ends)
+        if h == 0.0:
+            rate = float(np.abs(slopes.buffered(t, w, c, m)[0] / (SMALL + np.abs(w))).max(initial=1e-12))
+            h = tolerance ** (1 / 8) / rate
+        whole, h = h, until - t if t + 1.01 * h >= until else h
+        if t + h <= t or h < LEAST * (end - interval.start):
+            return
+        stages, rates = _stages(slopes, interval, t, h, w)
+        error = _error(h, w, stages[-1], rates, tolerance) if np.isfinite(rates).all() else np.inf
+        matrices, after, damped = [], x, _DAMPED
+        if error <= 1 and x.shape[1]:
+            _, entries = slopes.many(t + h * EXPLICIT_C, stages, c, m)
+            matrices = _matrices(slopes, entries)
+            after, own = _variations(h, x, matrices, parameters, control)
+            damped = _DAMPED_VARIATIONS if own > error else _DAMPED
+            error = max(error, own)
+        if np.isfinite(error) and _is_held_back(h, stages[-1] - stages[-2], rates[-1] - rates[-2], damped):
+            suspects, cleared = suspects + 1, 0
+            if suspects >= _SUSPECTS:
+                stiffness.stiff = True
+                return
+        elif np.isfinite(error):
+            cleared += 1
+            suspects = 0 if cleared >= _CLEARED else suspects
+        growth = 0.9 * error ** (-1 / 8) if error > 0 else 8.0
+        if not error <= 1:
+            h *= max(0.2, min(growth, 0.9)) if np.isfinite(error) else 0.25
+            continue
+        t, w, x = until if h == until - t else t + h, stages[-1].copy(), after
+        control.accepted(x)
+        yield ExplicitElement(t, w, x, h, matrices[:-1])
+        h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
+
+
+def _stages(slopes: Slopes, interval: Interval, t: float, h: float, w: Vector) -> tuple[Vector, Vector]:
+    """Stages of a step and its end, and their rates, shapes (EXPLICIT_STAGES + 1, n)."""
+    c, m = interval.numbers
+    stages, rates = np.empty((2, EXPLICIT_STAGES + 1, len(w)))
+    for i in range(EXPLICIT_STAGES + 1):
+        stages[i] = w + h * (EXPLICIT_A[i, :i] @ rates[:i])
+        rates[i] = slopes.buffered(t + h * EXPLICIT_C[i], stages[i], c, m)[0]
+    return stages, rates
+
+
+def _variations(h: float, x: Vector, slopes: list[Any], parameters: bool, control: Control) -> tuple[Vector, float]:
+    """(Variations at the end of a step, shape (nx, k); their error, of the worst column, by what is allowed)."""
+    n = len(x)
+    rates = np.zeros((EXPLICIT_STAGES + 1, *x.shape))
+    at = x
+    for i, slope in enumerate(slopes):
+        at = x + h * _weighted(EXPLICIT_A[i, :i], rates[:i])
+        rates[i] = slope[:, :n] @ at
+        if parameters:
+            rates[i] += _full(slope[:, n:])
+    if not np.isfinite(rates).all():
+        return at, np.inf
+    if control.accuracy is None:
+        return at, 0.0
+    allowed = control.allowed(x, at)
+    errors = [_weighted(own, rates) for own in (EXPLICIT_5, EXPLICIT_3)]
+    five, three = (np.sum((error / allowed) ** 2, axis=0) for error in errors)
+    return at, control.judged(h, float(_estimate(h, five, three, n).max()), at - x, h * errors[0])
+
+
+def _is_held_back(h: float, points: Vector, rates: Vector, damped: float) -> bool:
+    """Whether the slope that the last two points of a step tell is as large as the step allows."""
+    size = float(points @ points)
+    slope, damping = np.sqrt(float(rates @ rates) * size), -float(points @ rates)
+    return bool(size > 0 and (h * slope > _STABLE * size or h * damping > damped * size))
+
+
+def _error(h: float, w: Vector, end: Vector, rates: Vector, tolerance: float) -> float:
+    size = tolerance * (SMALL + np.maximum(np.abs(w), np.abs(end)))
+    five, three = (np.sum((weights @ rates / size) ** 2) for weights in (EXPLICIT_5, EXPLICIT_3))
+    return float(_estimate(h, five, three, len(w)))
+
+
+def _estimate(h: float, five: Any, three: Any, n: int) -> Any:
+    """The error of a step from the sums of squares of both embedded errors over its n variables."""
+    both = (five + 0.01 * three) * n
+    return h * five / np.sqrt(np.where(both > 0, both, 1.0))
+
+
+def _matrices(slopes: Slopes, entries: Vector) -> list[Any]:
+    if slopes.is_small:
+        return list(slopes.dense(entries))
+    shape = slopes.n, slopes.n + slopes.count
+    return [scipy.sparse.csc_matrix((own, slopes.rows, slopes.starts), shape=shape) for own in entries]
+
+
+def _full(matrix: Any) -> Vector:
+    return np.asarray(matrix if isinstance(matrix, np.ndarray) else matrix.toarray())

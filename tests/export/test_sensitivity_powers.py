@@ -1,0 +1,86 @@
+"""Derivatives through contacts whose force is a power of the depth: slopes without bounds or with steep ends.
+
+Law: x'' = k d**p for the depth d = -x, from the height b at the speed -v on, gives the speed back, so that
+x(T) = v (T - c) - b with the duration c = 2 m/v B(1/n, 1/2)/n for n = p + 1 and the depth m = (n v^2/(2 k))^(1/n), by
+the integral of dd/sqrt(v^2 - 2 k d^n/n). As c goes with k^(-1/n) v^(2/n - 1), its derivatives follow.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from scipy.special import beta
+
+import acausal
+from acausal import Component, Equations, Real, der, maximum, parameter, structural, variable
+from acausal.simulate.native import cache
+from tests.marks import slow_but
+
+COMPILER = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
+STOP = 0.5
+
+
+class Contact(Component):
+    """A unit mass that falls on a spring without gravity."""
+
+    p: float = structural(default=1.5)
+    k: Real = parameter(default=1e4)
+    b: Real = parameter(default=0.1)
+    speed: Real = parameter(default=1.0)
+    x: Real = variable()
+    v: Real = variable()
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.b
+        yield self.v == -self.speed
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == self.k * maximum(-self.x, 0.0) ** self.p
+
+
+def closed(p: float) -> list[float]:
+    """d x(STOP) by k, b and speed."""
+    n, k, v = p + 1.0, 1e4, 1.0
+    c = 2.0 * (n * v**2 / (2.0 * k)) ** (1.0 / n) / v * beta(1.0 / n, 0.5) / n
+    return [v * c / n / k, -1.0, STOP - c - c * (2.0 / n - 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("solver", "method"),
+    slow_but(product(["rosenbrock", "idas", "cvodes", "erk"], ["forward", "adjoint"]), ("rosenbrock", "forward")),
+)
+@pytest.mark.parametrize("p", [1.2, 1.5, 2.0])
+def test_a_power_of_the_depth(p: float, solver: str, method: Literal["forward", "adjoint"]) -> None:
+    """Relative errors of a hundred tolerances; before steps knew of the variations, 6e-4 (p = 1.2) at 1e-10."""
+    for tolerance in (1e-8, 1e-10):
+        found = acausal.sensitivities(
+            Contact(p=p), ["k", "b", "speed"], ["x"], stop_time=STOP, tolerance=tolerance, solver=solver, method=method,
+            native=False, times=[STOP],
+        )  # fmt: skip
+        np.testing.assert_allclose(found.final[0], closed(p), rtol=100 * tolerance)
+        np.testing.assert_allclose(found.along[0], found.final, rtol=100 * tolerance)
+
+
+@COMPILER
+@pytest.mark.parametrize("method", ["forward", "adjoint"])
+def test_the_same_compiled(method: Literal["forward", "adjoint"]) -> None:
+    compiled = acausal.compile(Contact(p=1.5))
+    for tolerance in (1e-6, 1e-8, 1e-10, 1e-12):
+        found = acausal.sensitivities(
+            compiled, ["k", "b", "speed"], ["x"], stop_time=STOP, tolerance=tolerance, method=method, native=True
+        )
+        np.testing.assert_allclose(found.final[0], closed(1.5), rtol=100 * tolerance)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
+def test_an_infinite_slope_at_an_event_is_noted(tolerance: float) -> None:
+    """The root of the depth: what it adds to derivatives within the error of the touch is not known."""
+    found = acausal.sensitivities(Contact(p=0.5), ["k", "b"], ["x"], stop_time=STOP, tolerance=tolerance, native=False)
+    notes: Any = found.result.stats["notes"]
+    error = np.abs(found.final[0] / closed(0.5)[:2] - 1.0).max()
+    assert error < 1e-5 or any("derivatives are uncertain" in note for note in notes)
+    assert not np.isnan(error)
