@@ -95,8 +95,8 @@ def sensitivities(
     values
         Values of parameters for this run, by path, in SI.
     method
-        "forward" integrates a column per parameter, "adjoint" a row per output and event backwards. Results are equal,
-        and so nearly is the cost: both use the steps of `acausal.export.variation`.
+        "forward" integrates a column per parameter; "adjoint" does so, too, to find the steps, and then a row per
+        output and event backwards. Results are equal.
     times
         Further instants [s], shape (times,), at which the outputs are differentiated.
     native

@@ -22,7 +22,7 @@ LEAST_SHARE = 1e-5
 ROUNDING = 1e-15
 # So many steps of an interval may be refused for their variations: those that leave zero as a power of time take a few
 # dozen, and where slopes are known to rounding only, shorter steps are no better.
-MOST_REFUSED = 100
+MOST_REFUSED = 150
 # Keeps what is zero from being divided by.
 _TINY = 1e-290
 

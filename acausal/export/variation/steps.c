@@ -10,7 +10,7 @@
 
 typedef long long count_t;
 enum { DONE = 0, FULL = 1, STIFF = 2, LOST = 3, NO_MEMORY = 4 };
-enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOST_REFUSED = 100 };
+enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOST_REFUSED = 150 };
 #define STABLE 6.1
 #define DAMPED 2.5
 #define DAMPED_VARIATIONS 0.5
