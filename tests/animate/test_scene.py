@@ -8,7 +8,6 @@ import os
 import shutil
 import struct
 import subprocess
-import time
 from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
@@ -169,15 +168,13 @@ def test_the_validator_of_khronos_finds_nothing(swing: acausal.Result, tmp_path:
     assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"]
 
 
-def test_two_thousand_poses_take_less_than_a_second() -> None:
-    """Of processor time, from a result to the page: the founding scene, eleven components."""
+def test_two_thousand_poses_are_a_page_of_two_megabytes() -> None:
+    """The founding scene, eleven components."""
     pytest.importorskip("pygltflib")
     result = acausal.simulate(ThickBlock(), output_interval=40.0 / 2000)
     assert len(result.matrix) > 2000
-    begin = time.process_time()
     animation = acausal.animate(ThickBlock(), result, poses=2001)
     page = animation.html()
-    assert time.process_time() - begin < 1.0
     assert len(animation.scene.time) > 1900
     assert len(page) < 2_000_000
 
