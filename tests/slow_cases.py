@@ -7,7 +7,6 @@ machine says what is to be added.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 FILE = Path(__file__).with_suffix(".txt")
@@ -17,10 +16,3 @@ CASES = frozenset(FILE.read_text(encoding="utf-8").splitlines())
 def is_slow(nodeid: str) -> bool:
     """Whether the list has the case with this identifier."""
     return nodeid.removeprefix("tests/") in CASES
-
-
-def unknown(nodeids: Iterable[str]) -> list[str]:
-    """Rows of the list that are none of these identifiers, though their file is there (it may need a library)."""
-    found = {nodeid.removeprefix("tests/") for nodeid in nodeids}
-    files = {nodeid.split("::", 1)[0] for nodeid in found}
-    return sorted(row for row in CASES - found if row.split("::", 1)[0] in files)
