@@ -392,3 +392,23 @@ def test_instants_within_a_step_are_said_without_other_events() -> None:
         x, y = step.function(x, [], step.p.start)
         said.append(float(y[step.y.position("step.unlocated")]))
     assert said == [0.0] * 5 + [1.0] + [0.0] * 4
+
+
+class Elastic(Component):
+    """A ball that hops within a few hundredths of a second, for ever."""
+
+    h: Real = variable(default=fixed(1e-3))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -9.81
+        yield when(self.h < 0.0, reset(self.v, -pre(self.v)))
+
+
+def test_impacts_that_follow_each_other_within_a_step_are_flagged() -> None:
+    """Its 28 ms between impacts are resolved by steps of 13 ms, and not by one of 50 ms, which puts it to rest."""
+    for size, flagged in ((0.013, 0.0), (0.05, 1.0)):
+        step = step_function(acausal.compile(Elastic()), size, "rk4", ["h"])
+        y = np.array(step.function(step.x.start, (), step.p.start)[1]).ravel()
+        assert y[step.y.names.index("step.unlocated")] == flagged
