@@ -23,6 +23,7 @@ from acausal import (
     discrete,
     fabs,
     fixed,
+    integer,
     parameter,
     part,
     pre,
@@ -412,3 +413,21 @@ def test_impacts_that_follow_each_other_within_a_step_are_flagged() -> None:
         step = step_function(acausal.compile(Elastic()), size, "rk4", ["h"])
         y = np.array(step.function(step.x.start, (), step.p.start)[1]).ravel()
         assert y[step.y.names.index("step.unlocated")] == flagged
+
+
+class Halves(Component):
+    """An integer that a clock takes up by `by`."""
+
+    by: Real = parameter(default=1.0)
+    n: Real = integer(default=fixed(0))
+
+    def equations(self) -> Equations:
+        yield when(sample(0.1, 0.1), reset(self.n, pre(self.n) + self.by))
+
+
+@pytest.mark.parametrize(("by", "after"), [(1.0, 1.0), (2.0, 2.0), (1.5, math.nan)])
+def test_an_integer_that_gets_a_fraction_is_nan(by: float, after: float) -> None:
+    """Where a run ends with AC147."""
+    step = step_function(acausal.compile(Halves(by=by)), 0.1, "rk4", [])
+    found = np.array(step.function(step.x.start, (), step.p.start)[0]).ravel()[step.x.names.index("n")]
+    assert found == pytest.approx(after, nan_ok=True)

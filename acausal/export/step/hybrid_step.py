@@ -41,6 +41,7 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Guards, Moment
 from acausal.simulate.events.iteration import Iteration
 from acausal.simulate.events.regime import Hold, Regime
+from acausal.simulate.record.checks import WHOLE, integers
 from acausal.simulate.solvers.segment import Tolerances
 
 _LOCATING = 6
@@ -163,7 +164,10 @@ class HybridStep:
         )
 
     def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """(x, z, m at the end of a step, whether its events have settled, whether all are located)."""
+        """(x, z, m at the end of a step, whether its events have settled, whether all are located).
+
+        An integer that gets a fraction is nan.
+        """
         held = [self.u, self.p]
         settled: Any = 1
         located: Any = 1
@@ -181,7 +185,19 @@ class HybridStep:
         for k in range(late.numel()):
             located = ca.logic_and(located, ca.logic_not(late[k]))
         x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
-        return x, z, m, ca.logic_and(settled, also), located
+        return self._whole_numbers(x), z, m, ca.logic_and(settled, also), located
+
+    def _whole_numbers(self, x: Any) -> Any:
+        """The states x, and nan for integers that have a fraction: a run ends there with AC147."""
+        places = integers(self.compiled)
+        if not places:
+            return x
+        own = ca.SX.sym("x", x.numel())
+        found = ca.SX(own)
+        for k in places:
+            apart = ca.fabs(own[k] - ca.floor(own[k] + 0.5)) > WHOLE * ca.fmax(1, ca.fabs(own[k]))
+            found[k] = ca.if_else(apart, np.nan, own[k])
+        return ca.Function("whole_numbers", [own], [found])(x)
 
     @cached_property
     def _whole(self) -> Any:

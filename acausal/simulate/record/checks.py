@@ -36,7 +36,7 @@ from acausal.simulate.solvers.segment import Tolerances
 # tolerances, or to this.
 _MEETING, _MANY, _LEAST = 1e-9, 100.0, 1e-6
 # An integer that passes through a solver comes back with its rounding.
-_WHOLE = 1e-6
+WHOLE = 1e-6
 
 
 def refuse_jumps(
@@ -156,24 +156,29 @@ def _led(compiled: CompiledModel, prescribed: bool = False) -> list[tuple[int, s
     return known[prescribed]
 
 
+def integers(compiled: CompiledModel) -> list[int]:
+    """Indices of the integers among the states."""
+    names = {
+        v.path + suffix
+        for v in compiled.flat.variables
+        if v.declaration.integer
+        for suffix in suffixes(v.declaration.shape)
+    }
+    return [k for k, name in enumerate(compiled.states) if name in names] if names else []
+
+
 def refuse_fractions(recorder: Recorder) -> None:
     """Refuse what a run has recorded if an integer has a value that is not whole.
 
     Raises EventError: AC147 with the first such value.
     """
     compiled = recorder.compiled
-    integers = {
-        v.path + suffix
-        for v in compiled.flat.variables
-        if v.declaration.integer
-        for suffix in suffixes(v.declaration.shape)
-    }
-    places = [k for k, name in enumerate(compiled.states) if name in integers] if integers else []
+    places = integers(compiled)
     if not places:
         return
     times, x, _, _ = recorder.rows()
     values = x[places]
-    fractions = np.abs(values - np.round(values)) > _WHOLE * np.maximum(1.0, np.abs(values))
+    fractions = np.abs(values - np.round(values)) > WHOLE * np.maximum(1.0, np.abs(values))
     if not fractions.any():
         return
     row = int(np.argmax(fractions.any(axis=0)))
