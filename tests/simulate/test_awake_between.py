@@ -99,6 +99,18 @@ def test_pulses_without_a_middle(solver: str) -> None:
         assert r.final("y") == pytest.approx(exact, abs=100.0 * tolerance * max(1.0, exact)), (pulse, w, c, tolerance)
 
 
+@pytest.mark.parametrize("pulse", ["sech", "logistic"])
+def test_compiled_runs_find_a_pulse_that_underflows_on_both_sides(pulse: str) -> None:
+    """Zero but for 1e-6 to 1e-5 of the run, beside a relation of a state, in compiled code; the integral as above."""
+    rng = random.Random(f"underflow {pulse}")
+    for _ in range(4):
+        w, c, tolerance = SPAN * 10.0 ** rng.uniform(-6.0, -5.0), SPAN * rng.uniform(0.2, 0.8), rng.choice([1e-4, 1e-6])
+        run: dict[str, Any] = {"stop_time": SPAN, "solver": "erk", "tolerance": tolerance, "native": True}
+        r = acausal.simulate(_compiled(pulse, True, True), parameters={"c": c, "w": w, "k": 1.0 / w}, **run)
+        area = PULSES[pulse][1]
+        assert r.final("y") == pytest.approx(area, abs=100.0 * tolerance * area), (w, c, tolerance)
+
+
 def _root_step_area() -> float:
     """Integral of exp(-400 (g - 1/2)^2) over v, g = v/sqrt(1 + v^2), dv = dg/(1 - g^2)^1.5, by the midpoint rule."""
     g = (np.arange(200_000) + 0.5) / 100_000 - 1.0

@@ -24,6 +24,7 @@ class Solver(Protocol):
     fixed_step: bool
     multistep: bool
     stops: bool
+    explicit: bool
     native: str
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:

@@ -8,7 +8,7 @@ A solver is a class with
    what is nearer than a nanosecond as reached; `multistep`: whether it starts anew with tiny steps; `interpolates`:
    whether it has to be stopped at its outputs, as what it tells between its steps is less accurate than they are;
    `stops`: whether it stops at a zero crossing by itself; `careless`: whether it does not notice equations without a
-   finite value;
+   finite value; `explicit`: whether it needs no slopes of the rates;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
 
@@ -71,6 +71,7 @@ class CasadiSolver:
     interpolates: ClassVar[bool] = False
     stops: ClassVar[bool] = False
     careless: ClassVar[bool] = False
+    explicit: ClassVar[bool] = False
     native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:

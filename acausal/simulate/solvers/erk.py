@@ -15,6 +15,7 @@ class Erk(CasadiSolver):
     name = "erk"
     plugin = "erk"
     native = "integrator"
+    explicit = True
     interpolates = True
     stops = True
 
