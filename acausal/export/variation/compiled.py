@@ -32,9 +32,10 @@ class Structure(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_longlong) for name in ("n", "nx", "parameters", "columns", "entries", "largest")),
         *((name, ctypes.c_longlong) for name in ("stiff", "suspects", "cleared", "guessed", "capacity", "steps")),
-        ("refused", ctypes.c_longlong),
+        *((name, ctypes.c_longlong) for name in ("refused", "due")),
         *((name, ctypes.c_double) for name in ("t", "end", "h", "before", "tolerance", "radau_tolerance", "least")),
         *((name, ctypes.c_double) for name in ("shortest", "unresolved")),
+        *((name, ctypes.c_double) for name in ("start", "noise", "probed", "probed_ratio")),
         *((name, ctypes.c_void_p) for name in ("starts", "rows", "constant", "modes")),
         *((name, ctypes.c_void_p) for name in ("w", "x", "stages", "record", "total", "peak", "scale")),
     )
@@ -115,6 +116,8 @@ class _Arguments:
             largest=slopes.n if slopes.is_small else 0,  # stiff steps have dense matrices
             stiff=int(stiffness.stiff or slopes.n > slopes.nx),
             t=interval.start,
+            due=2,
+            start=interval.start,
             tolerance=interval.tolerance,
             radau_tolerance=tolerance_of(interval.tolerance),
             least=LEAST * (interval.ends[-1] - interval.start),

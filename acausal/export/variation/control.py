@@ -23,24 +23,36 @@ ROUNDING = 1e-15
 # So many steps of an interval may be refused for their variations: those that leave zero as a power of time take a few
 # dozen, and where slopes are known to rounding only, shorter steps are no better.
 MOST_REFUSED = 150
+# Now and then a step is refused to one so many times shorter. The error of a smooth solution then falls by at least the
+# fourth power of that, the error of slopes that are known to rounding by its first: by no more than `NOISE`. What falls
+# by less than half is a pulse that neither step resolves, and so may be what is as large as `LARGE`.
+PROBE, NOISE, UNRESOLVED, LARGE = 1 / 16, 1e-3, 0.5, 20.0
 # Keeps what is zero from being divided by.
 _TINY = 1e-290
 
 
 @dataclass
 class Control:
-    """The errors that steps may have in variations, which are `x`, shape (nx, k), at the start of an interval.
+    """The errors that steps may have in variations, which are `x`, shape (nx, k), at the `start` [s] of an interval.
 
     An error counts relative to the variation, and absolutely below `SMALL` of its largest value since the start and
     `LEAST_SHARE` of that over the run: where a variation leaves zero as a power of time, a first step has the same
-    relative error, however short it is, and before a burst it may be a rounding error.
+    relative error, however short it is, and before a burst it may be a rounding error. Where slopes are known to
+    rounding only, shorter steps are more steps of the same error in sum: it is noted, and the steps are longer.
     """
 
     accuracy: Accuracy | None
     tolerance: float
     x: Vector
+    start: float
     refused: int = 0
     """Number of steps whose variations were not accurate enough."""
+    due: int = 2
+    """That number from which on the next one is shortened by `PROBE`."""
+    noise: float = 0.0
+    """The error by rounding in what is allowed, for each second of a step [1/s]."""
+    probed: tuple[float, float] | None = None
+    """Length [s] and error of a step that was refused to a much shorter one."""
 
     def __post_init__(self) -> None:
         self._largest = np.abs(self.x)
@@ -60,18 +72,32 @@ class Control:
             self._largest = np.maximum(self._largest, np.abs(after))
             self.accuracy.largest = np.maximum(self._largest, self.accuracy.largest)
 
-    def judged(self, h: float, ratio: float, moved: Vector, errors: Vector) -> float:
-        """The error of a step in what is allowed: `ratio`, or less where shorter steps would be no better.
+    def shorter(self, factor: float) -> float:
+        """The factor by which a refused step is shortened, instead of `factor`."""
+        return factor if self.probed is None else PROBE
+
+    def judged(self, t: float, h: float, ratio: float, moved: Vector, errors: Vector) -> float:
+        """The error of a step from `t` [s] in what is allowed: `ratio`, or less where shorter steps would be no better.
 
         `moved`, shape (nx, k), is what the step adds to the variations, `errors` those of it. All of a step that is as
         short as the ends of the interval are known is uncertain.
         """
         assert self.accuracy is not None, "errors are asked for where they are controlled"
+        if self.probed is not None:
+            (before, larger), self.probed = self.probed, None
+            if NOISE * larger < ratio < UNRESOLVED * larger:
+                self.noise = max(self.noise, 2 * larger / before)
         if ratio <= 1:
             return ratio
+        if ratio <= self.noise * h:
+            self.accuracy.missed(errors)
+            return float((ratio / (self.noise * h)) ** 4)
         self.refused += 1
         short = h <= self.accuracy.shortest
         if not short and self.refused < MOST_REFUSED:
+            # at the start of an interval a power of time has the same relative error in steps of every length
+            if self.refused >= self.due and ratio < LARGE and h < 0.1 * (t - self.start):
+                self.probed, self.due = (h, ratio), 2 * self.due
             return ratio
         self.accuracy.missed(moved if short else errors)
         return 0.1 if short else 0.0  # the next one is longer, or as long as the states allow

@@ -64,7 +64,7 @@ def explicit(
     t, w, end = interval.start, interval.w, interval.ends[-1]
     tolerance, ends, h = interval.tolerance, iter(interval.ends), 0.0
     until = next(ends)
-    control, suspects, cleared = Control(interval.accuracy, tolerance, x), 0, 0
+    control, suspects, cleared = Control(interval.accuracy, tolerance, x, t), 0, 0
     while t < end:
         if t >= until:
             until = next(ends)
@@ -80,7 +80,7 @@ def explicit(
         if error <= 1 and x.shape[1]:
             _, entries = slopes.many(t + h * EXPLICIT_C, stages, c, m)
             matrices = _matrices(slopes, entries)
-            after, own = _variations(h, x, matrices, parameters, control)
+            after, own = _variations(t, h, x, matrices, parameters, control)
             damped = _DAMPED_VARIATIONS if own > error else _DAMPED
             error = max(error, own)
         if np.isfinite(error) and _is_held_back(h, stages[-1] - stages[-2], rates[-1] - rates[-2], damped):
@@ -93,7 +93,7 @@ def explicit(
             suspects = 0 if cleared >= _CLEARED else suspects
         growth = 0.9 * error ** (-1 / 8) if error > 0 else 8.0
         if not error <= 1:
-            h *= max(0.2, min(growth, 0.9)) if np.isfinite(error) else 0.25
+            h *= control.shorter(max(0.2, min(growth, 0.9))) if np.isfinite(error) else 0.25
             continue
         t, w, x = until if h == until - t else t + h, stages[-1].copy(), after
         control.accepted(x)
@@ -111,7 +111,9 @@ def _stages(slopes: Slopes, interval: Interval, t: float, h: float, w: Vector) -
     return stages, rates
 
 
-def _variations(h: float, x: Vector, slopes: list[Any], parameters: bool, control: Control) -> tuple[Vector, float]:
+def _variations(
+    t: float, h: float, x: Vector, slopes: list[Any], parameters: bool, control: Control
+) -> tuple[Vector, float]:
     """(Variations at the end of a step, shape (nx, k); their error, of the worst column, by what is allowed)."""
     n = len(x)
     rates = np.zeros((EXPLICIT_STAGES + 1, *x.shape))
@@ -128,7 +130,7 @@ def _variations(h: float, x: Vector, slopes: list[Any], parameters: bool, contro
     allowed = control.allowed(x, at)
     errors = [_weighted(own, rates) for own in (EXPLICIT_5, EXPLICIT_3)]
     five, three = (np.sum((error / allowed) ** 2, axis=0) for error in errors)
-    return at, control.judged(h, float(_estimate(h, five, three, n).max()), at - x, h * errors[0])
+    return at, control.judged(t, h, float(_estimate(h, five, three, n).max()), at - x, h * errors[0])
 
 
 def _is_held_back(h: float, points: Vector, rates: Vector, damped: float) -> bool:

@@ -97,7 +97,7 @@ class _Stepping:
         self.n, self.nx = slopes.n, slopes.nx
         self.tolerance = tolerance_of(interval.tolerance)
         self.x, self.parameters = x, parameters
-        self.control = Control(interval.accuracy, self.tolerance, x)
+        self.control = Control(interval.accuracy, self.tolerance, x, interval.start)
         inside = slopes.columns < self.n
         self._inside, self._outside = np.flatnonzero(inside), np.flatnonzero(~inside)
         self._places = self._sparse_places() if not slopes.is_small else None
@@ -121,10 +121,10 @@ class _Stepping:
                 h, guess = h / 4, np.tile(w, (STAGES, 1))
                 continue
             stages, matrix, right = found
-            after, error = self._judged(h, w, stages, (value, entries), found[1:])
+            after, error = self._judged(t, h, w, stages, (value, entries), found[1:])
             growth = 0.9 * error ** (-1 / (STAGES + 1)) if error > 0 else 8.0
             if error > 1:
-                h, guess = h * max(0.2, min(growth, 0.9)), np.tile(w, (STAGES, 1))
+                h, guess = h * self.control.shorter(max(0.2, min(growth, 0.9))), np.tile(w, (STAGES, 1))
                 continue
             t, before, w, self.x = until if h == until - t else t + h, h, stages[-1], after
             self.control.accepted(after)
@@ -199,7 +199,7 @@ class _Stepping:
         return by_p.reshape(STAGES * n, self.slopes.count)
 
     def _judged(
-        self, h: float, w: Vector, stages: Vector, start: tuple[Vector, Vector], linear: tuple[Matrix, Vector]
+        self, t: float, h: float, w: Vector, stages: Vector, start: tuple[Vector, Vector], linear: tuple[Matrix, Vector]
     ) -> tuple[Vector, float]:
         """(Variations at the end of a step, shape (nx, k); error of the step, by the embedded method, in tolerances).
 
@@ -225,7 +225,7 @@ class _Stepping:
         if not np.isfinite(found).all():
             return after, np.inf
         own = np.sqrt(np.mean((found[:nx] / self.control.allowed(self.x, after)) ** 2, axis=0))
-        return after, max(error, self.control.judged(h, float(own.max()), after - self.x, found[:nx]))
+        return after, max(error, self.control.judged(t, h, float(own.max()), after - self.x, found[:nx]))
 
     def _small_matrix(self, h: float, entries: Vector) -> Any:
         """The matrix of the embedded error, (n, n)."""

@@ -11,6 +11,10 @@
 typedef long long count_t;
 enum { DONE = 0, FULL = 1, STIFF = 2, LOST = 3, NO_MEMORY = 4 };
 enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOST_REFUSED = 150 };
+#define PROBE 0.0625
+#define NOISE 1e-3
+#define UNRESOLVED 0.5
+#define LARGE 20.0
 #define STABLE 6.1
 #define DAMPED 2.5
 #define DAMPED_VARIATIONS 0.5
@@ -18,8 +22,9 @@ enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOS
 /* `Structure` of compiled.py, field by field. Matrices are row by row. */
 struct variation {
   count_t n, nx, parameters, columns, entries, largest;
-  count_t stiff, suspects, cleared, guessed, capacity, steps, refused;
+  count_t stiff, suspects, cleared, guessed, capacity, steps, refused, due;
   double t, end, h, before, tolerance, radau_tolerance, least, shortest, unresolved;
+  double start, noise, probed, probed_ratio; /* as in control.py; `probed` is zero where no step is */
   const count_t *starts, *rows; /* of the slopes, column by column: by n variables, then by parameters */
   const double *constant, *modes;
   double *w, *x, *stages, *record, *total, *peak;
@@ -154,8 +159,23 @@ static void allowed(const struct variation* v, struct space* o, double tolerance
 /* `ratio`, or less where shorter steps would be no better, as in control.py; `errors` are those of the variations. */
 static double judged(struct variation* v, const struct space* o, double h, double ratio, const double* errors) {
   double most = 0;
-  count_t m = v->columns, is_short = h <= v->shortest, j, r;
-  if (!(ratio > 1) || (++v->refused < MOST_REFUSED && !is_short)) return ratio;
+  count_t m = v->columns, is_short = h <= v->shortest, is_noise, j, r;
+  if (v->probed > 0) {
+    if (ratio > NOISE * v->probed_ratio && ratio < UNRESOLVED * v->probed_ratio)
+      v->noise = fmax(v->noise, 2 * v->probed_ratio / v->probed);
+    v->probed = 0;
+  }
+  if (!(ratio > 1)) return ratio;
+  is_noise = ratio <= v->noise * h;
+  if (!is_noise && ++v->refused < MOST_REFUSED && !is_short) {
+    if (v->refused >= v->due && ratio < LARGE && h < 0.1 * (v->t - v->start)) {
+      v->due *= 2;
+      v->probed = h;
+      v->probed_ratio = ratio;
+    }
+    return ratio;
+  }
+  if (is_noise) is_short = 0;
   for (j = 0; j < m; ++j) {
     double least = 1e-6 * largest_of(v, j) + 1e-290;
     for (r = j; r < v->nx * m; r += m) {
@@ -164,7 +184,7 @@ static double judged(struct variation* v, const struct space* o, double h, doubl
     }
   }
   v->unresolved += most;
-  return is_short ? 0.1 : 0.0;
+  return is_noise ? pow(ratio / (v->noise * h), 4) : is_short ? 0.1 : 0.0;
 }
 
 /* to += what parameters add to the rates of variations. */
@@ -546,7 +566,7 @@ static int step(struct variation* v, struct space* o) {
       return v->n > v->largest ? STIFF : DONE;
     }
     grown = error > 0 ? 0.9 * pow(error, v->stiff ? -1.0 / (STAGES + 1) : -1.0 / 8) : 8.0;
-    if (error > 1) { v->h = h * fmax(0.2, fmin(grown, 0.9)); v->guessed = 0; continue; }
+    if (error > 1) { v->h = h * (v->probed > 0 ? PROBE : fmax(0.2, fmin(grown, 0.9))); v->guessed = 0; continue; }
     if (v->capacity) recorded(v, t, h, v->stiff ? o->next : v->w, v->stiff ? STAGES * n : n);
     memcpy(v->stages, v->stiff ? o->next : end, sizeof(double) * (size_t) (v->stiff ? STAGES * n : n));
     memcpy(v->x, o->after, sizeof(double) * (size_t) (v->nx * v->columns));

@@ -1,0 +1,77 @@
+"""Lengths of steps whose variations have an error that is known: of a smooth solution, of rounding, of a pulse.
+
+Steps are tried as the methods of order 3 do it: longer or shorter by the fourth root of their error. Expected values
+follow from these laws of the error; nothing is integrated.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from acausal.export.variation.control import Control
+from acausal.export.variation.element import Accuracy
+
+STOP = 1.0
+
+
+def _steps(error: Callable[[float, float], float], h: float) -> tuple[list[tuple[float, float]], int, Control]:
+    """(Start and length of each accepted step over a second, number of attempts, control); `error` by both."""
+    one = np.ones((1, 1))
+    control = Control(Accuracy(one, 0.0), 1e-8, one, 0.0)
+    t, attempts, accepted = 0.0, 0, []
+    while t < STOP:
+        h, attempts = min(h, STOP - t), attempts + 1
+        found = control.judged(t, h, error(t, h), 0.0 * one, error(t, h) * 1e-8 * one)
+        growth = 0.9 * found**-0.25 if found > 0 else 8.0
+        if found > 1:
+            h *= control.shorter(max(0.2, min(growth, 0.9)))
+            continue
+        accepted.append((t, h))
+        t, h = t + h, h * min(max(growth, 0.3), 8.0)
+    return accepted, attempts, control
+
+
+@pytest.mark.parametrize("length", [1e-3, 1e-2])
+def test_smooth_steps_are_as_long_as_their_error_allows(length: float) -> None:
+    """The error of a length is one, so that steps come to about 0.9 of it; nothing is taken for rounding."""
+    accepted, attempts, control = _steps(lambda t, h: (h / length) ** 4, 0.1)
+    assert max(h for _, h in accepted) <= length
+    assert attempts <= 1.3 * STOP / length + 20
+    assert control.noise == 0.0
+    assert control.accuracy is not None
+    assert control.accuracy.unresolved == 0.0
+
+
+def test_rounding_does_not_shorten_steps() -> None:
+    """An error in proportion to the length is the same in sum for steps of every length: a second takes it once.
+
+    With steps of an error below one it would take 1000 of them; the smooth error of a tenth of a second is one.
+    """
+    chance = random.Random(7)
+    accepted, attempts, control = _steps(lambda t, h: 1e3 * h * chance.uniform(0.1, 1.0) + (h / 0.1) ** 4, 1e-3)
+    assert attempts < 250
+    assert max(h for _, h in accepted) > 0.03
+    assert control.accuracy is not None
+    # of the errors of all steps, 1e3 * 1e-8 at most by rounding, is said what was accepted above what was allowed
+    assert 1e-7 < control.accuracy.unresolved < 2e-5
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-5])
+@pytest.mark.parametrize("noise", [0.0, 1e3])
+def test_a_pulse_is_resolved_beside_rounding(width: float, noise: float) -> None:
+    """A step that holds a pulse and is longer than it is wrong by a million, or by the fourth power of its length."""
+    chance, place = random.Random(11), 0.7
+
+    def error(t: float, h: float) -> float:
+        beside = noise * h * chance.uniform(0.1, 1.0)
+        if t <= place + width and t + h >= place:
+            beside += min(1e6, (10.0 * h / width) ** 4)
+        return beside + (h / 0.1) ** 4
+
+    accepted, _, _ = _steps(error, 1e-3)
+    inside = [h for t, h in accepted if t <= place + width and t + h >= place]
+    assert max(inside) <= width
