@@ -33,4 +33,6 @@ def test_what_lasts_longer_is_seen(solver: str, native: bool) -> None:
     blind = acausal.simulate(Pulsed(), stop_time=1.0, output_interval=1.0, **options)
     bound = acausal.simulate(Pulsed(), stop_time=1.0, output_interval=1.0, max_step=5e-4, **options)
     assert blind.final("y") == 0.0
+    assert "inside of pulse" in str(blind.stats["notes"])
+    assert "inside of pulse" not in str(bound.stats["notes"])
     assert bound.final("y") == pytest.approx(1.0, abs=1e-4)

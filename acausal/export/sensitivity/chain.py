@@ -116,15 +116,17 @@ class Chain:
 
     def _judged(self, derive: Callable[[], tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
         """The results of a method, again where it finds variations that are far from what the rough ones have told."""
-        for _ in range(_AGAIN):
-            self.asked.clear()
-            found = derive()
+        self.asked.clear()
+        found = derive()
+        for _ in range(1, _AGAIN):
             largest = np.abs(self.start())
             for accuracy, rows, scale in self.asked:
                 largest[rows] = np.maximum(largest[rows], accuracy.largest * scale)
             if not (self.scale > _FAR * (largest + LEAST_SHARE * largest.max(axis=0, initial=0.0))).any():
                 break
             self.scale = largest
+            self.asked.clear()
+            found = derive()
         return found
 
     def unresolved(self) -> float:

@@ -43,6 +43,7 @@ from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, rema
 from acausal.simulate.solvers import Solver, choose, share_of
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 from acausal.simulate.start.initialize import Start, consistent, initialize
+from acausal.simulate.step_limit.externals import note_on_externals
 from acausal.simulate.step_limit.limit import StepLimit
 
 Progress = Callable[[float, float], None]
@@ -149,7 +150,8 @@ class Run:
             bounded, tables = unwatched(), ""
             if self.watches:
                 self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance, branches=self.traced)
-            notes = tuple(note for note in (bounded, tables) if note)
+            unseen = note_on_externals(self.compiled) if opts.max_step is None and not bounded else ""
+            notes = tuple(note for note in (bounded, tables, unseen) if note)
             if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
                 self.searches = False  # the message says what may be passed over under this bound
