@@ -2,7 +2,7 @@
 
 Beside it stands a plain C loop over the same two states: what the 10 000 steps cost when nothing else is done. The
 exported step function (`acausal export step ThinPlate --method rk2`) is timed step by step. Processor times. What
-the forces at 10 001 rows cost beside the same rows in C: `missed_events.py`.
+the forces at 10 001 rows cost beside the same rows in C: `workloads.py`.
 """
 
 from __future__ import annotations

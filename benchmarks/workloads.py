@@ -1,6 +1,6 @@
 """The rows of work that was not looked at first: many events, many bodies, reading, many runs, beside peers by hand.
 
-    python benchmarks/missed_events.py [--only converter balls] [--json]
+    python benchmarks/workloads.py [--only converter balls] [--json]
 
 Every row runs its sides in turn in one process; figures are medians of the processor time, ratios medians over the
 rounds. Ends are honest: both sides read what they have computed, forces are evaluated, bodies move through air (a ball
