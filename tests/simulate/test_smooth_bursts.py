@@ -464,8 +464,11 @@ def test_what_wakes_shortly_before_an_event_is_kept(solver: str, w: float) -> No
 
 
 @pytest.mark.parametrize("solver", ["rosenbrock", pytest.param("erk", marks=pytest.mark.slow)])
-def test_a_flight_finds_what_wakes_between_its_steps(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Crests of three speeds, each awake for a few thousandths of a turn: in compiled code, without a second search."""
+def test_compiled_runs_find_what_wakes_between_steps(solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Crests of three speeds, each awake for a few thousandths of a turn.
+
+    With `rosenbrock` in the compiled event loop, without a second search; `erk` is searched after each stretch.
+    """
     asked: list[float] = []
 
     def cleared(self: MissedEvents, problem: Problem, segment: Segment, piece: Piece) -> bool:
@@ -479,7 +482,7 @@ def test_a_flight_finds_what_wakes_between_its_steps(solver: str, monkeypatch: p
         r = acausal.simulate(model, stop_time=2.5, solver=solver, native=True, parameters={"w": w})
         assert r.stats["native"]
         assert r.final("y") == pytest.approx(math.floor(2.5 * w / (2.0 * math.pi) + 0.75), abs=0.05)
-    assert len(asked) <= 3  # of what ends in Python: an event at the stop
+    assert solver == "erk" or len(asked) <= 3  # of what ends in Python: an event at the stop
 
 
 class Peaks(Component):

@@ -34,6 +34,8 @@ Integrate = Callable[[Problem, Segment], Piece]
 # have fewer: `_VALUES` of their arguments in all. Pieces of more steps are not searched: between its rows such a
 # solution is no polynomial, and every place would be integrated again.
 _FEWEST, _MOST, _VALUES = 32, 20_000, 400_000
+# Steps of a DAE between neighbouring rows that is integrated once more: begun at a row, it may crawl.
+_MOST_AGAIN = 5000
 _FINER = 8
 # Steps for each row up to which few rows and their rates tell how states go between them.
 _RESOLVED = 10.0
@@ -529,7 +531,9 @@ class _Search:
         """What leads elsewhere than to row `high` when a step ends at these points; None where nothing does."""
         try:
             again = self._through(segment, rows, low, high, points)
-        except RuntimeError:
+        except RuntimeError as error:
+            if "TOO_MUCH_WORK" in str(error):
+                self.skip(float(rows.times[low]))
             return None
         return None if self._is_same(segment, again.x[:, -1], rows.x[:, high]) else again
 
@@ -538,10 +542,11 @@ class _Search:
         own = rows.times[low + 1 : high + 1]
         here, x, z = float(rows.times[low]), rows.x[:, low], rows.z[:, low]
         parts: list[Piece] = []
+        budget = _MOST_AGAIN if self.problem.compiled.algebraic else None
         for stop in _apart(points, np.append(here, own)):
             times = own[(own > here) & (own < stop)]
             asked = replace(segment, start=here, times=np.append(times, stop), x=x, z=z, shares=None, first=0.0)
-            piece = self.solve(self.problem, replace(asked, partial=False, step_budget=None))
+            piece = self.solve(self.problem, replace(asked, partial=False, step_budget=budget))
             keep = np.isin(asked.times, own)
             parts.append(Piece(piece.x[:, keep], piece.z[:, keep], piece.counters))
             here, x, z = stop, piece.x[:, -1], piece.z[:, -1]
