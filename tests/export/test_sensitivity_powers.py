@@ -16,6 +16,7 @@ from scipy.special import beta
 
 import acausal
 from acausal import Component, Equations, Real, der, maximum, parameter, structural, variable
+from acausal.models.drilling_dynamic import ThickBlock
 from acausal.simulate.native import cache
 from tests.marks import slow_but
 
@@ -84,3 +85,15 @@ def test_an_infinite_slope_at_an_event_is_noted(tolerance: float) -> None:
     error = np.abs(found.final[0] / closed(0.5)[:2] - 1.0).max()
     assert error < 1e-5 or any("derivatives are uncertain" in note for note in notes)
     assert not np.isnan(error)
+
+
+@pytest.mark.slow
+def test_a_touch_on_a_row_is_no_jump() -> None:
+    """A drill whose force is steep at its touch; `idas` has a row there, which was taken for a jump (AC615)."""
+    model = acausal.compile(ThickBlock())
+    names, outputs = ("drill.d", "drill.k_c11"), ("slide.s",)
+    found = [
+        acausal.sensitivities(model, names, outputs, tolerance=1e-8, solver=solver, native=False).final
+        for solver in ("idas", "rosenbrock")
+    ]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-5)

@@ -99,8 +99,8 @@ def _jump(chain: Chain, sides: _Sides, k: int, ends: tuple[float, float], x: Vec
         low, high = (middle, high) if level(middle) == before else (low, middle)
     differences = []
     for share in (_FAR, _CLOSE):
-        pair = [min(max(low + sign * share, 0.0), 1.0) for sign in (-1.0, 1.0)]
-        left, right = (chain.slopes.rate(stretch.regime, start + s * gap, at(s)) for s in pair)
+        # beyond the rows, too: at a touch on a row, both distances would end there, and a steep force look like a jump
+        left, right = (chain.slopes.rate(stretch.regime, start + s * gap, at(s)) for s in (low - share, low + share))
         differences.append(np.abs(right - left))
         size = np.abs(left) + np.abs(right)
     states = np.maximum(np.abs(x).max(axis=1), chain.compiled.nominal_x)

@@ -130,22 +130,21 @@ def sensitivities(
     )
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
 
-    def derived(opts: Options, *, again: bool = False) -> tuple[Chain, Result, Vector, Vector]:
+    def chain_of(opts: Options) -> tuple[Chain, Result]:
         run = Run(compiled, opts, p, Inputs(input_vector(compiled, inputs or {})), None, traced=True)
         result = run.result()
-        chain = Chain(run, chosen, wanted, opts.tolerance)
-        if not again:
-            refuse_missed(chain, result.time)
-            refuse_two_sided(chain)
-        return chain, result, *(chain.forward() if method == "forward" else chain.adjoint())
+        return Chain(run, chosen, wanted, opts.tolerance), result
 
-    chain, result, final, of_times = derived(opts)
+    chain, result = chain_of(opts)
+    refuse_missed(chain, result.time)
+    refuse_two_sided(chain)
+    final, of_times = getattr(chain, method)()
     requested = np.asarray(times, dtype=float)
     _check_times(requested, chain)
     along = chain.trajectory(requested) if len(requested) else np.zeros((0, len(wanted), len(parameters)))
     if chain.unresolved() > max(_UNCERTAIN, 10.0 * tolerance):
-        other = derived(replace(opts, tolerance=_LOOSER * tolerance), again=True)[2]
-        result = _with_note(result, chain, final, other)
+        looser, _ = chain_of(replace(opts, tolerance=_LOOSER * tolerance))
+        result = _with_note(result, chain, final, getattr(looser, method)()[0])
     located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
         tuple(parameters),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -60,8 +61,9 @@ class _InColumns(ca.Callback):
                 np.frombuffer(wanted)[:] = own
         return status
 
+    @abstractmethod
     def _run(self) -> int:
-        raise NotImplementedError
+        """Evaluate the arguments that are in memory; 0, or what CasADi takes for a failure."""
 
 
 class InColumns(_InColumns):
