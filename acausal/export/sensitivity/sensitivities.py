@@ -30,8 +30,8 @@ from acausal.simulate.options import Options, input_vector, options, parameter_v
 _log = logging.getLogger(__name__)
 # Share of the variations that may be uncertain before they are compared with those at a tolerance so much looser.
 _UNCERTAIN, _LOOSER = 1e-8, 3.0
-# Relative difference of derivatives at both tolerances from which on it is noted.
-_APART = 1e-5
+# Relative difference of derivatives at both tolerances, in tolerances, from which on it is noted.
+_APART = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ def _with_note(result: Result, chain: Chain, final: Vector, other: Vector) -> Re
     least = 1e-6 * np.abs(y_x) @ chain.scale + 1e-12 * chain.scale.max(axis=0, initial=0.0) + 1e-290
     size = np.maximum(np.abs(final), np.abs(other)) + least
     apart = float((np.abs(final - other) / size).max(initial=0.0))
-    if apart <= _APART:
+    if apart <= _APART * chain.tolerance:
         return result
     note = (
         f"derivatives are uncertain: at {_LOOSER:g} times the tolerance they differ by {apart:.1g} of their size, "
