@@ -234,6 +234,16 @@ def test_measurements_are_results(tmp_path: Path, text: str) -> None:
     assert (series.times.tolist(), series.values.tolist(), series.unit) == ([0.0, 0.5], [1.5, -2.0], "kN")
 
 
+def test_a_comma_between_thousands_is_no_decimal_sign(tmp_path: Path) -> None:
+    """The first row alone would not tell: 1,234 beside 0.5 is 1234 to whoever wrote it."""
+    path = tmp_path / "m.csv"
+    path.write_text("time;x\n0;0\n0.5;1,234\n")
+    with pytest.raises(UsageError, match="commas, as in line 3"):
+        load(path)
+    path.write_text("time;x\n0;0\n0,5;1,25\n")
+    assert load(path)["x"].tolist() == [0.0, 1.25]
+
+
 def test_a_broken_first_row_of_numbers_is_no_row_of_units(tmp_path: Path) -> None:
     (tmp_path / "m.csv").write_text("time,x\nO.0,l.5\n1,2\n2,3\n")
     with pytest.raises(UsageError, match="as a result") as caught:

@@ -24,6 +24,10 @@ from acausal.notebook.latex import LONGEST, latex
         ("a - (b - c) == (a + b) * c", r"a - \left(b - c\right) = \left(a + b\right)\,c"),
         ("(x**2)**3 == (-x)**2", r"\left(x^{2}\right)^{3} = \left(-x\right)^{2}"),
         ("a * (-b) == a + (-b)", r"a\,\left(-b\right) = a + \left(-b\right)"),
+        # What stands behind a derivative or a product of vectors is no part of it.
+        ("der(w_rel) * J == a", r"\left(\frac{d}{dt}w_{\mathrm{rel}}\right)\,J = a"),
+        ("J * der(w_rel) * k == a", r"\left(J\,\frac{d}{dt}w_{\mathrm{rel}}\right)\,k = a"),
+        ("dot(a, b) * c == -cross(a, b)", r"\left(a \cdot b\right)\,c = -a \times b"),
         ("x == 2 * 3e-5", r"x = 2 \cdot 3 \cdot 10^{-5}"),
         ("y == where(u > 1, a, b)", r"y = \begin{cases} a & \mathrm{if}\ u > 1 \\ b & \mathrm{otherwise} \end{cases}"),
         ("when(x > 0, reset(v, -e * pre(v)))", None),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -309,6 +310,27 @@ def test_two_results_share_panels_and_units(result: Result) -> None:
     assert list(lines(ax)) == ["drill.s (Drill)", "drill.s (twice)"]
     (ax,) = plot(result, "drill.s", also=[result]).axes
     assert list(lines(ax)) == ["drill.s (Drill 1)", "drill.s (Drill 2)"]
+
+
+def test_results_share_the_unit_of_the_horizontal_axis(result: Result) -> None:
+    """Force over depth, once in m and once in mm, is one curve."""
+    signals = {"drill.s": Signal("drill.s", "mm", "", 0), "drill.F_f": result.signals["drill.F_f"]}
+    signals["drill.F_f"] = replace(signals["drill.F_f"], column=1, sign=1)
+    table = np.column_stack([1e3 * result["drill.s"], result["drill.F_f"]])
+    measured = Result("rig", TIME, table, signals)
+    (ax,) = plot(result, "drill.F_f", against="drill.s", also=measured).axes
+    one, other = ax.get_lines()
+    np.testing.assert_allclose(np.asarray(one.get_xdata()), np.asarray(other.get_xdata()))
+
+
+def test_panels_on_one_time_axis_have_one_unit_of_time() -> None:
+    """A signal of 50 ms above one that another run has for 5 s: the axis below is that of both."""
+    time, signals = np.array([0.0, 0.05]), {"x": Signal("x", "m", "", 0), "z": Signal("z", "V", "", 0)}
+    short = Result("short", time, time[:, None], signals)
+    long = Result("long", 100 * time, time[:, None], {"x": signals["x"]})
+    above, below = plot(short, "z", "x", also=long).axes
+    ends = [np.asarray(line.get_xdata())[-1] for ax in (above, below) for line in ax.get_lines()]
+    assert ends == pytest.approx([0.05, 0.05, 5.0])
 
 
 def test_differences_are_those_of_one_unit(result: Result) -> None:

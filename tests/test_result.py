@@ -111,6 +111,14 @@ def test_an_array_with_a_gap_is_unknown() -> None:
         make(signals=signals)["x"]
 
 
+@pytest.mark.parametrize("kept", [(1, 2), (1,), (2,)])
+def test_a_part_of_an_array_is_no_array(kept: tuple[int, ...]) -> None:
+    """y and z of a run whose arrays count from 0 are no vector whose first entry would be y."""
+    signals = {f"r[{i}]": Signal(f"r[{i}]") for i in kept} | {"q[0]": Signal("q[0]")}
+    with pytest.raises(UsageError, match="AC010"):
+        make(signals=signals)["r"]
+
+
 def test_trajectories_are_computed_once_and_not_for_constants() -> None:
     calls = []
 

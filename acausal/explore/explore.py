@@ -101,14 +101,18 @@ def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str]
 
 
 def _in_one_unit(results: Sequence[Result]) -> list[Result]:
-    """The results with every signal in the unit of the first that has it: measurements in mm stand on those in m."""
+    """The results with every signal in the first unit that it has in any: measurements in mm stand on those in m."""
     units: dict[str, str] = {}
+    for result in results:
+        for name, signal in result.signals.items():
+            units[name] = units.get(name) or signal.unit
     found = []
     for result in results:
         signals, columns = dict(result.signals), [result.matrix]
         for name, signal in result.signals.items():
-            known = units.setdefault(name, signal.unit)
-            if signal.unit in ("", known) or not known:
+            known = units[name]
+            if signal.unit in ("", known):
+                signals[name] = replace(signal, unit=known)
                 continue
             values = same_unit(known, signal.unit)(result[name])
             signals[name] = replace(signal, unit=known, column=sum(c.shape[1] for c in columns), sign=1)

@@ -21,8 +21,9 @@ _COMPARED: dict[type[ast.cmpop], str] = {
 LONGEST = 300
 _FUNCTIONS = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "min", "max"}
 _RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "minimum": "min", "maximum": "max"}
-# How tightly an operator binds; what binds less goes into brackets.
-_TERNARY, _COMPARISON, _OR, _AND, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(9)
+# How tightly an operator binds; what binds less goes into brackets. A derivative at the end of a product is open: a
+# factor behind it would be differentiated too.
+_TERNARY, _COMPARISON, _OR, _AND, _SUM, _OPEN, _PRODUCT, _SIGN, _POWER, _ATOM = range(10)
 
 
 def latex(text: str) -> str | None:
@@ -76,6 +77,11 @@ def _beside(tree: ast.expr, context: int) -> str:
     return rf"\left({text}\right)" if text.startswith("-") else text
 
 
+def _factor(tree: ast.expr) -> tuple[str, int]:
+    """The last factor of a product, or what stands behind a sign, and how tightly what ends with it binds."""
+    return _beside(tree, _OPEN), _OPEN if _written(tree)[1] == _OPEN else _PRODUCT
+
+
 def _written(tree: ast.expr) -> tuple[str, int]:
     """LaTeX of an expression and how tightly it holds together."""
     match tree:
@@ -87,7 +93,8 @@ def _written(tree: ast.expr) -> tuple[str, int]:
             sides = _at(tree.left, _SUM), _at(tree.comparators[0], _SUM)
             return f"{sides[0]} {_COMPARED.get(type(op), '=')} {sides[1]}", _COMPARISON
         case ast.UnaryOp(op=ast.USub()):
-            return f"-{_beside(tree.operand, _PRODUCT)}", _PRODUCT
+            text, binding = _factor(tree.operand)
+            return f"-{text}", binding
         case ast.UnaryOp(op=ast.Invert() | ast.Not()):
             return rf"\neg {_at(tree.operand, _ATOM)}", _SIGN
         case ast.BinOp():
@@ -109,14 +116,15 @@ def _binary(tree: ast.BinOp) -> tuple[str, int]:
         case ast.Add():
             return f"{_at(left, _SUM)} + {_beside(right, _SUM)}", _SUM
         case ast.Sub():
-            return f"{_at(left, _SUM)} - {_beside(right, _PRODUCT)}", _SUM
+            return f"{_at(left, _SUM)} - {_beside(right, _OPEN)}", _SUM
         case ast.Mult():
             # Two numbers beside each other would be another one.
-            second = _beside(right, _PRODUCT)
+            second, binding = _factor(right)
             sign = r" \cdot " if second[:1].isdigit() else r"\,"
-            return f"{_at(left, _PRODUCT)}{sign}{second}", _PRODUCT
+            return f"{_at(left, _PRODUCT)}{sign}{second}", binding
         case ast.MatMult():
-            return rf"{_at(left, _PRODUCT)} \cdot {_at(right, _PRODUCT)}", _PRODUCT
+            second, binding = _factor(right)
+            return rf"{_at(left, _PRODUCT)} \cdot {second}", binding
         case ast.Div():
             return rf"\frac{{{_written(left)[0]}}}{{{_written(right)[0]}}}", _PRODUCT
         case ast.Pow():
@@ -142,9 +150,7 @@ def _call(tree: ast.Call) -> tuple[str, int]:
     if name == "der" and len(tree.args) == 1:
         inner = _written(tree.args[0])[0]
         return (
-            (rf"\dot{{{inner}}}", _ATOM)
-            if len(inner) == 1
-            else (rf"\frac{{d}}{{dt}}{_at(tree.args[0], _ATOM)}", _PRODUCT)
+            (rf"\dot{{{inner}}}", _ATOM) if len(inner) == 1 else (rf"\frac{{d}}{{dt}}{_at(tree.args[0], _ATOM)}", _OPEN)
         )
     match tree.args:
         case [ast.Constant(value=int() | float() as value), ast.Constant(value=str(unit))] if name == "quantity":
@@ -162,10 +168,10 @@ def _call(tree: ast.Call) -> tuple[str, int]:
             condition, one, other = other.args
             branches.append((one, condition))
         return _cases(branches, other)
-    if name == "cross" and len(tree.args) == 2:
-        return rf"{_at(tree.args[0], _ATOM)} \times {_at(tree.args[1], _ATOM)}", _PRODUCT
-    if name == "dot" and len(tree.args) == 2:
-        return rf"{_at(tree.args[0], _ATOM)} \cdot {_at(tree.args[1], _ATOM)}", _PRODUCT
+    if name in ("cross", "dot") and len(tree.args) == 2:
+        sign = r"\times" if name == "cross" else r"\cdot"
+        # a factor behind it would be one of the second vector
+        return rf"{_at(tree.args[0], _ATOM)} {sign} {_at(tree.args[1], _ATOM)}", _OPEN
     name = _RENAMED.get(name, name)
     shown = rf"\{name}" if name in _FUNCTIONS or name.startswith("arc") else rf"\mathrm{{{_plain(name)}}}"
     arguments = [_written(a)[0] for a in tree.args] + [_written(k.value)[0] for k in tree.keywords]

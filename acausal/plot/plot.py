@@ -22,7 +22,7 @@ from matplotlib.transforms import Transform, offset_copy
 
 from acausal.errors import UnitError, UsageError
 from acausal.panel import Panel
-from acausal.plot.scale import Scale, readable, to_unit
+from acausal.plot.scale import Scale, readable, same_unit, to_unit
 from acausal.result.files import atomic, check_suffix
 from acausal.result.signals import Array, Signal
 from acausal.units import Dimension, format_dimension, parse
@@ -170,15 +170,19 @@ def figure(
     content = [_groups(results, panel) for panel in panels]
     columns = 1 if len(panels) <= 5 else 2
     rows = -(-len(panels) // columns)
-    # Panels against the same signal scroll and zoom together and share the labels below.
+    # Panels against the same signal scroll and zoom together and share the labels below, so they have one unit too.
     shared = len({panel.against for panel in panels}) == 1
+    clocks = [
+        _horizontal_scale(results, panel, content if shared else [groups])
+        for panel, groups in zip(panels, content, strict=True)
+    ]
     with matplotlib.rc_context(STYLE):
         drawing = Drawing(figsize=(7.4 if columns == 1 else 12.0, 1.0 + max(2.0 * rows, 3.2)), layout="constrained")
         axes = drawing.subplots(rows, columns, sharex=shared, squeeze=False).T.ravel()
         for ax in axes[len(panels) :]:
             ax.remove()
-        for i, (ax, panel, groups) in enumerate(zip(axes, panels, content, strict=False)):
-            label = _draw(ax, results, panel, groups)
+        for i, (ax, panel, groups, scale) in enumerate(zip(axes, panels, content, clocks, strict=False)):
+            label = _draw(ax, results, panel, groups, scale)
             if not shared or i % rows == rows - 1 or i == len(panels) - 1:
                 ax.set_xlabel(xlabel or label)
                 ax.tick_params(labelbottom=True)
@@ -284,8 +288,15 @@ def _kind(unit: str) -> tuple[Dimension, bool] | str:
 def _scaled_group(results: Sequence[tuple[str, Result]], panel: Panel, members: Sequence[Signal]) -> _Group:
     """Signals of one dimension, and plain numbers, on the scale of the first that is a quantity."""
     declared = next((s.unit for s in members if not _is_plain(s)), members[0].unit)
+    across = _horizontal(results, panel)
     lines = [
-        _Line(f"{s.name} ({label})" if label else s.name, s, k, _abscissas(result, panel), _values(result, s, declared))
+        _Line(
+            f"{s.name} ({label})" if label else s.name,
+            s,
+            k,
+            same_unit(across.unit, result.unit(across.name))(result[across.name]),
+            _values(result, s, declared),
+        )
         for s in members
         for k, (label, result) in enumerate(results)
         if s.name in result
@@ -295,12 +306,19 @@ def _scaled_group(results: Sequence[tuple[str, Result]], panel: Panel, members: 
     return _Group(tuple(members), tuple(replace(line, values=scale(line.values)) for line in lines), scale)
 
 
-def _abscissas(result: Result, panel: Panel) -> Array:
-    """Values on the horizontal axis in the declared unit, shape (n,)."""
-    shape, (signal, *_) = result.elements(panel.against or "time")
+def _horizontal(results: Sequence[tuple[str, Result]], panel: Panel) -> Signal:
+    """The signal on the horizontal axis, in the unit of the first result that has one."""
+    shape, (signal, *_) = results[0][1].elements(panel.against or "time")
     if shape:
         raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
-    return result[signal.name]
+    units = (result.unit(signal.name) for _, result in results if signal.name in result)
+    return replace(signal, unit=next((unit for unit in units if unit), ""))
+
+
+def _horizontal_scale(results: Sequence[tuple[str, Result]], panel: Panel, content: Sequence[list[_Group]]) -> Scale:
+    """One scale for the horizontal axis of all lines in `content`."""
+    lines = [line for groups in content for group in groups for line in group.lines]
+    return readable(_horizontal(results, panel).unit, max(_magnitude(line.abscissas) for line in lines))
 
 
 def _values(result: Result, signal: Signal, declared: str) -> Array:
@@ -317,10 +335,9 @@ def _converted(signal: Signal, declared: str) -> Scale:
     return to_unit(format_dimension(kind[0]) if _is_plain(signal) else signal.unit, declared)
 
 
-def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group]) -> str:
-    """Draw one panel; returns the label of its horizontal axis."""
-    _, (horizontal, *_) = results[0][1].elements(panel.against or "time")
-    scale = readable(horizontal.unit, max(_magnitude(line.abscissas) for group in groups for line in group.lines))
+def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups: Sequence[_Group], scale: Scale) -> str:
+    """Draw one panel, its abscissas on `scale`; returns the label of its horizontal axis."""
+    horizontal = _horizontal(results, panel)
     handles: list[Line2D] = []
     side = ax
     for k, group in enumerate(groups):

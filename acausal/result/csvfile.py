@@ -103,9 +103,22 @@ def read_sheet(path: Path) -> Sheet:
         units, above = tuple(below or beside for below, beside in zip(second, units, strict=True)), 2
     if len(lines) <= above:
         raise UsageError("AC045", f"{path} has no row of numbers", help="a row of names, then one row per instant")
-    first = lines[above][1]
-    decimal = "," if sign != "," and "." not in first else "."
+    decimal = _decimal_sign(path, sign, lines[above:])
     return Sheet(path, tuple(header), names, units, clock, tuple(lines[above:]), sign, decimal)
+
+
+def _decimal_sign(path: Path, delimiter: str, lines: Sequence[tuple[int, str]]) -> str:
+    """The sign that some cell has; UsageError AC045 where cells have both, of which one might part thousands."""
+    if delimiter == ",":
+        return "."
+    first = {sign: next((k for k, line in lines if sign in line), None) for sign in ".,"}
+    if None not in first.values():
+        raise UsageError(
+            "AC045",
+            f"{path} has decimal points, as in line {first['.']}, and commas, as in line {first[',']}",
+            help="write numbers without signs between thousands, and with one decimal sign",
+        )
+    return "," if first["."] is None else "."
 
 
 def named(text: str) -> tuple[str, str]:

@@ -109,6 +109,11 @@ class Result:
                 arrays.setdefault(match["base"], []).append((index, name))
         return arrays
 
+    @cached_property
+    def _first_index(self) -> int:
+        """0, or 1 in files of Modelica tools: two of the three entries of a vector alone are no vector of two."""
+        return 0 if any(0 in index for members in self._arrays.values() for index, _ in members) else 1
+
     def elements(self, name: str) -> tuple[tuple[int, ...], list[Signal]]:
         """Shape and signals behind a name, in row-major order; the shape of a scalar is ().
 
@@ -124,8 +129,7 @@ class Result:
         members = sorted(self._arrays.get(name, []))
         if members and len({len(index) for index, _ in members}) == 1:
             indices = np.array([index for index, _ in members])
-            # Indices start at 0 or, in files of Modelica tools, at 1.
-            shape = tuple(int(i) for i in indices.max(axis=0) - indices.min(axis=0) + 1)
+            shape = tuple(int(i) for i in indices.max(axis=0) - self._first_index + 1)
             if len(members) == int(np.prod(shape)):
                 return shape, [self.signals[element] for _, element in members]
         raise UsageError(

@@ -10,7 +10,7 @@ import pytest
 
 import acausal
 from acausal.errors import UsageError
-from acausal.explore.explore import choices
+from acausal.explore.explore import _in_one_unit, choices
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.oscillator import Oscillator
 from acausal.result.result import Result
@@ -172,3 +172,15 @@ def test_results_in_other_units_stand_on_one_axis(tmp_path: Path) -> None:
     values, difference = probe(page, script, tmp_path)
     assert values == pytest.approx([0.0, 3.0])
     assert [difference[0], difference[-1]] == pytest.approx([0.0, 1.0])
+
+
+def test_a_result_without_units_does_not_keep_others_from_one_unit() -> None:
+    """Behind a file of plain numbers, 3000 mm and 3 m are drawn at one height."""
+    ends = {"": 3.0, "mm": 3e3, "m": 3.0}
+    found = _in_one_unit(
+        [
+            Result("rig", np.array([0.0, 1.0]), np.array([[0.0], [end]]), {"x": Signal("x", unit, "", 0)})
+            for unit, end in ends.items()
+        ]
+    )
+    assert [(r.unit("x"), r.final("x")) for r in found] == [("mm", 3.0), ("mm", 3e3), ("mm", 3e3)]

@@ -83,7 +83,7 @@ def compare(
         compared(a, b, [d.name for d in found[: min(count, _MOST_DRAWN)]], picture)
     bad = [d for d in found if not d.relative <= tolerance]
     low, high = _overlap(a, b)
-    short = is_shorter(a, b)
+    short, instants = is_shorter(a, b), len(_times(a, b))
     if as_json:
         record(
             {
@@ -92,6 +92,7 @@ def compare(
                 "tolerance": tolerance,
                 "from": low,
                 "to": high,
+                "instants": instants,
                 "covers_first": not short,
                 "common": len(found),
                 "only_in_first": sorted(set(a.names) - set(b.names)),
@@ -106,8 +107,8 @@ def compare(
         alone = len(set(a.names) ^ set(b.names))
         verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
         say(
-            f"{plural(len(found), 'common signal')}, {alone} in one file only, compared over {low:g} ... {high:g} s: "
-            f"{verdict}"
+            f"{plural(len(found), 'common signal')}, {alone} in one file only, compared at {plural(instants, 'instant')} "
+            f"of {low:g} ... {high:g} s: {verdict}"
         )
         if short:
             say(

@@ -32,7 +32,7 @@ class Dataset:
     inputs, start, parameters
         As in `simulate`, for this experiment only.
     sigma
-        Standard deviations of the noise by name of a signal, in SI; estimated if not given.
+        Standard deviations of the noise of this experiment by name of a signal, in SI; estimated if not given.
     name
         For messages and pictures.
     """

@@ -65,7 +65,8 @@ class Fit:
     covariance, correlation
         Shape (n, n).
     rms, noise
-        Root mean square of the residuals by signal, in its unit, and the standard deviation used as weight.
+        Root mean square of the residuals by signal, in its unit, and the standard deviation used as weight; that of
+        several data sets with different `sigma` is the root of their mean square.
     rows, runs, gradients
         Number of values compared, of simulations, and of simulations differentiated by all parameters at once.
     results
@@ -317,18 +318,18 @@ class _Search:
         return float(np.linalg.norm(slope @ step) / np.sqrt(square)) if square > 0.0 else 0.0
 
     def weights(self) -> Vector:
-        """Reciprocal standard deviation of the noise of each value, shape (rows,)."""
-        return np.concatenate(
-            [np.full(len(s.values), 1.0 / self.noise[s.name]) for t in self.trials for s in t.signals]
-        )
+        """Reciprocal standard deviation of the noise of each value, shape (rows,): that of its own data set first."""
+        sizes = ((len(s.values), t.sigma.get(s.name) or self.noise[s.name]) for t in self.trials for s in t.signals)
+        return np.concatenate([np.full(n, 1.0 / size) for n, size in sizes])
 
-    def by_signal(self, values: Vector) -> dict[str, Vector]:
-        """Split `values`, shape (rows,), by signal, over all trials."""
+    def by_signal(self, values: Vector, is_unknown: bool = False) -> dict[str, Vector]:
+        """Split `values`, shape (rows,), by signal, over all trials or those that do not know the signal's noise."""
         found: dict[str, list[Vector]] = {}
         place = 0
         for t in self.trials:
             for s in t.signals:
-                found.setdefault(s.name, []).append(values[place : place + len(s.values)])
+                if not (is_unknown and s.name in t.sigma):
+                    found.setdefault(s.name, []).append(values[place : place + len(s.values)])
                 place += len(s.values)
         return {name: np.concatenate(parts) for name, parts in found.items()}
 
@@ -376,16 +377,16 @@ class _Search:
     def solve(self, compiled: CompiledModel) -> Fit:
         """Fit twice, the second time with the noise estimated by the first."""
         q = self.unknown.guess / self.unknown.scale
-        given = {name: s for t in self.trials for name, s in t.sigma.items()}
-        measured = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]))
+        measured = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]), True)
         spread = {n: float(np.ptp(v)) or float(np.abs(v).max()) or 1.0 for n, v in measured.items()}
-        self.noise = {n: given.get(n, spread[n]) for n in measured}
-        self.is_known = set(measured) <= set(given)
-        single = len(measured) == 1 or self.is_known
+        self.noise = spread
+        self.is_known = not measured
+        # one signal, whose noise no data set knows, needs no weight
+        single = self.is_known or len({(s.name, t.sigma.get(s.name)) for t in self.trials for s in t.signals}) == 1
         q = self.least(q, _FINE if single else _ROUGH)
         for last in () if single else (False, True):
-            rms = {n: float(np.sqrt(np.mean(r**2))) for n, r in self.by_signal(self._residuals_of_success(q)).items()}
-            self.noise = {n: given.get(n, max(rms[n], _TOLERANCE * spread[n])) for n in measured}
+            left = self.by_signal(self._residuals_of_success(q), True)
+            self.noise = {n: max(float(np.sqrt(np.mean(r**2))), _TOLERANCE * spread[n]) for n, r in left.items()}
             q = self.least(q, _FINE) if not last else q
         rest = self._residuals_of_success(q)
         parts = self.by_signal(rest)
@@ -410,7 +411,7 @@ class _Search:
             judgement.covariance,
             judgement.correlation,
             {n: float(np.sqrt(np.mean(r**2))) for n, r in parts.items()},
-            dict(self.noise),
+            {n: float(np.sqrt(np.mean(w**-2.0))) for n, w in self.by_signal(self.weights()).items()},
             self.rows,
             self.runs,
             self.gradients,

@@ -120,6 +120,20 @@ def test_known_noise_rules_the_intervals() -> None:
     np.testing.assert_allclose(found.std, sigma * np.sqrt(np.diag(np.linalg.inv(x.T @ x))), rtol=1e-3)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_each_data_set_has_the_weight_of_its_own_noise(order: int) -> None:
+    """Generalised least squares (Aitken 1936): (X'WX)^-1 X'W y with W = diag(1/sigma^2), in any order of the sets."""
+    sigmas = (0.01, 1.0)
+    sets = [Dataset({"y": (TIMES, noisy_line(k) + k)}, sigma={"y": s}) for k, s in enumerate(sigmas)]
+    found = fit(Line(), sets[::order], ["a", "b"])
+    x = np.tile(np.column_stack([np.ones_like(TIMES), TIMES**2]), (2, 1))
+    y = np.concatenate([noisy_line(0), noisy_line(1) + 1.0]) - np.tile(TIMES, 2)
+    weight = np.repeat(1.0 / np.array(sigmas) ** 2, len(TIMES))
+    covariance = np.linalg.inv(x.T @ (weight[:, None] * x))
+    np.testing.assert_allclose(found.value, covariance @ (x.T @ (weight * y)), atol=1e-2 * np.sqrt(covariance[0, 0]))
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(covariance)), rtol=1e-3)
+
+
 @pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     """Of 60 intervals of 95 % fewer than 51 hold the truth once in 3000 times (binomial distribution)."""
