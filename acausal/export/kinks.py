@@ -89,7 +89,7 @@ def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | 
     with np.errstate(invalid="ignore"):
         jump = np.max([np.abs(side - table) for side in sides], axis=0)
         largest = np.max([np.abs(side).sum(axis=1) for side in (table, *sides)], axis=0)[:, None]
-        differs = ~(jump <= _ROUNDING * np.maximum(largest, _NOTHING * largest.max(initial=0.0)))
+        differs = ~((jump <= _ROUNDING * largest) | (largest <= _NOTHING * largest.max(initial=0.0)))
         if differs.any():
             far_difference = np.max([np.abs(at(share) - table) for share in (-_FAR, _FAR)], axis=0)
             differs &= ~(jump <= _SHRINKS * far_difference)

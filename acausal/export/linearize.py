@@ -22,6 +22,8 @@ from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.options import input_vector, parameter_vector
+from acausal.simulate.restructure.joined import renamed
+from acausal.simulate.restructure.restructure import lasting_names
 from acausal.simulate.start.initialize import Start, consistent, initialize
 
 
@@ -144,9 +146,10 @@ def linearize(
     if t is None:
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
     given = parameters if isinstance(model, CompiledModel) else None
-    p = parameter_vector(compiled, {**_parameters_of_run(compiled, result), **(given or {})})
+    lasting = lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
+    p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
-    start = _point(compiled, t, p, u, result, x or {})
+    start = _point(compiled, t, p, u, result, x or {}, lasting)
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = list(least.places)
     point = start.x, start.z, u
@@ -190,12 +193,15 @@ def _slopes_of(
     return slopes
 
 
-def _parameters_of_run(compiled: CompiledModel, result: Result | None) -> dict[str, float]:
-    """Free parameters of a run."""
+def _parameters_of_run(
+    compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str]
+) -> dict[str, float]:
+    """Free parameters of a run, which calls contacts by their `lasting` names."""
     if result is None:
         return {}
     signals = result.signals
-    return {n: signals[n].value for n in compiled.parameters if n in signals and signals[n].parameter}
+    names = {n: renamed(n, lasting) for n in compiled.parameters}
+    return {n: signals[run].value for n, run in names.items() if run in signals and signals[run].parameter}
 
 
 def _inputs(compiled: CompiledModel, t: float, p: Vector, result: Result | None, given: Mapping[str, float]) -> Vector:
@@ -207,14 +213,24 @@ def _inputs(compiled: CompiledModel, t: float, p: Vector, result: Result | None,
 
 
 def _point(
-    compiled: CompiledModel, t: float, p: Vector, u: Vector, result: Result | None, given: Mapping[str, float]
+    compiled: CompiledModel,
+    t: float,
+    p: Vector,
+    u: Vector,
+    result: Result | None,
+    given: Mapping[str, float],
+    lasting: Mapping[str, str],
 ) -> Start:
-    """A consistent point with the given states."""
+    """A consistent point with the given states; contacts that the run does not have at `t` are as at the start."""
     m = np.array(compiled.modes(t, p)).ravel()
     if result is None:
         start = initialize(compiled, t, p, u, m)
     else:
-        x, z = (np.array([float(result.at(t, n)) for n in v]) for v in (compiled.states, compiled.algebraic))
+        names = compiled.states, compiled.algebraic
+        x, z = (np.array([_value(result, t, n, lasting) for n in v]) for v in names)
+        if lasting and not (np.isfinite(x).all() and np.isfinite(z).all()):
+            apart = initialize(compiled, t, p, u, m)
+            x, z = np.where(np.isfinite(x), x, apart.x), np.where(np.isfinite(z), z, apart.z)
         start = Start(x, z, ())
     for name, value in given.items():
         if name not in compiled.states:
@@ -227,6 +243,12 @@ def _point(
         start.x[compiled.states.index(name)] = value
     start = on_constraints(compiled, t, start, u, p, m, [compiled.states.index(name) for name in given])
     return _consistent_modes(compiled, t, start, p, u)
+
+
+def _value(result: Result, t: float, name: str, lasting: Mapping[str, str]) -> float:
+    """Value of a run at `t`; nan for what belongs to a contact that never came about."""
+    known = renamed(name, lasting)
+    return float("nan") if known != name and known not in result else float(result.at(t, known))
 
 
 def _consistent_modes(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector) -> Start:
