@@ -36,6 +36,8 @@ ALLOWED: dict[str, set[str]] = {
     "private": set(),
     # Python's own collector
     "collector": set(),
+    # values that were used last
+    "recent": set(),
     "language": {"panel"},
     "flatten": {"language"},
     "structure": set(),
@@ -70,7 +72,7 @@ ALLOWED: dict[str, set[str]] = {
     # acausal/__init__.py hands out the names of every stage.
     "public": {*COMPILER, "animate", "diagram", "explore", "export", "panel", "plot", "result", "simulate", "study"},
 }
-EVERYBODY_MAY = {"errors", "units", "arrays", "providers", "private", "collector"}
+EVERYBODY_MAY = {"errors", "units", "arrays", "providers", "private", "collector", "recent"}
 # An edge outside the table, by module, with its reason.
 EXCEPTIONS = {
     **{

@@ -157,21 +157,9 @@ class Dependence:
 
     def behind(self, node: int) -> list[int]:
         """All nodes that a node depends on, also through definitions, in evaluation order."""
-        inside = [self.definition[v] for v in self._variables(node) if v in self.definition]
-        return self.pool.reachable([node, *inside])
+        variables = self.pool.variables_behind([node], self.definition)
+        return self.pool.reachable([node, *(self.definition[v] for v in variables if v in self.definition)])
 
     def of(self, node: int) -> set[int]:
         """Undefined variables (states, inputs, algebraic) that a node depends on."""
-        return {v for v in self._variables(node) if v not in self.definition}
-
-    def _variables(self, node: int) -> set[int]:
-        seen: set[int] = set()
-        stack = list(self.pool.variables_in(node))
-        while stack:
-            v = stack.pop()
-            if v in seen:
-                continue
-            seen.add(v)
-            if v in self.definition:
-                stack.extend(self.pool.variables_in(self.definition[v]))
-        return seen
+        return self.pool.variables_behind([node], self.definition) - self.definition.keys()

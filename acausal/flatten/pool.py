@@ -370,7 +370,7 @@ class Pool:
     def variables_in(self, *roots: int) -> frozenset[int]:
         """Numbers of the variables that `roots` depend on; small results for a single root are cached."""
         if len(roots) != 1:
-            return frozenset(self.variables_behind(roots, {}))
+            return frozenset(self._variables_of_many(roots))
         known = self._variables.get(roots[0])
         if known is not None:
             return frozenset(known)
@@ -392,29 +392,18 @@ class Pool:
                 found.append(node[1])
             elif op not in LEAVES:
                 stack += node[1:]
-        return list(
-            self.variables_behind((root,), {})
-        )  # a large expression may share so many nodes that its paths are countless
+        # a large expression may share so many nodes that its paths are countless
+        return list(self._variables_of_many((root,)))
+
+    def _variables_of_many(self, roots: Iterable[int]) -> set[int]:
+        nodes = self.nodes
+        return {nodes[n][1] for n in self.reachable(roots) if nodes[n][0] == "var"}
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
         """Variables that `roots` depend on, also through definitions of variables by nodes."""
-        nodes = self.nodes
-        found: set[int] = set()
-        seen: set[int] = set()
-        stack = list(roots)
-        while stack:
-            number = stack.pop()
-            node = nodes[number]
-            op = node[0]
-            if op == "var":
-                if node[1] not in found:
-                    found.add(node[1])
-                    if node[1] in definitions:
-                        stack.append(definitions[node[1]])
-            elif op not in LEAVES and number not in seen:
-                seen.add(number)
-                stack.extend(node[1:])
-        return found
+        return closure(
+            self.variables_in(*roots), lambda v: self.variables_in(definitions[v]) if v in definitions else ()
+        )
 
     def rewrite(self, roots: Iterable[int], leaf: Callable[[int], int], done: dict[int, int]) -> None:
         """Substitute node `leaf(i)` for each variable i: enter the image of every node below `roots` in `done`."""
@@ -429,6 +418,18 @@ class Pool:
             else:
                 image = tuple([done[c] for c in node[1:]])
                 done[number] = number if image == node[1:] else self.make(op, *image)
+
+
+def closure(start: Iterable[int], depends: Callable[[int], Iterable[int]]) -> set[int]:
+    """`start` and all that these depend on, directly or through others."""
+    found: set[int] = set()
+    stack = list(start)
+    while stack:
+        here = stack.pop()
+        if here not in found:
+            found.add(here)
+            stack.extend(depends(here))
+    return found
 
 
 class _Retired(dict[Node, int]):

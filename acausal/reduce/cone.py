@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from acausal.analyse.blocks.solve import Solution, needed
 from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatWhen
+from acausal.flatten.pool import closure
 from acausal.flatten.reduced import ReducedSystem
 from acausal.structure import Incidence, match
 
@@ -22,15 +23,9 @@ class Dependence:
     def closure(self, solution: Solution, variables: Iterable[int]) -> frozenset[int]:
         """All variables that these depend on, themselves included; inputs too."""
         pool = solution.structure.reduced.pool
-        found: set[int] = set()
-        stack = list(variables)
-        while stack:
-            v = stack.pop()
-            if v not in found:
-                found.add(v)
-                stack.extend(pool.variables_in(*self.nodes.get(v, ())))
-                stack.extend(self.at_start.get(v, ()))
-        return frozenset(found)
+        return frozenset(
+            closure(variables, lambda v: pool.variables_in(*self.nodes.get(v, ())) | self.at_start.get(v, frozenset()))
+        )
 
 
 def dependence(solution: Solution) -> Dependence:
@@ -74,15 +69,9 @@ def _plain(solution: Solution, nodes: dict[int, list[int]], node: int) -> set[in
     """Variables behind a node at one instant: through definitions, not through rates or blocks."""
     pool = solution.structure.reduced.pool
     ends = {*solution.structure.states, *solution.algebraic}
-    found: set[int] = set()
-    stack = list(pool.variables_in(node))
-    while stack:
-        v = stack.pop()
-        if v not in found:
-            found.add(v)
-            if v not in ends:
-                stack.extend(pool.variables_in(*nodes.get(v, ())))
-    return found
+    return closure(
+        pool.variables_in(node), lambda v: frozenset() if v in ends else pool.variables_in(*nodes.get(v, ()))
+    )
 
 
 def loops(solution: Solution) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:

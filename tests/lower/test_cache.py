@@ -159,7 +159,7 @@ def test_parameters_of_a_run_must_fit_the_choice_of_states() -> None:
 
 
 def test_least_recently_used_models_go(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cache, "_MOST_MODELS", 2)
+    monkeypatch.setattr(cache._cache, "most", 2)
     oldest = acausal.compile(Decay(steps=1))
     acausal.compile(Decay(steps=2))
     assert shared(oldest, acausal.compile(Decay(steps=1)))

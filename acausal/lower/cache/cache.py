@@ -8,9 +8,7 @@ model is compiled anew.
 
 from __future__ import annotations
 
-import threading
 from array import array
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -27,6 +25,7 @@ from acausal.lower.cache.stored import find, keep
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints
+from acausal.recent import Recent
 
 Signature = tuple[Any, ...]
 
@@ -93,31 +92,7 @@ class _Entry:
         return tuple(_safe(solution.structure.points, sorted(found)))
 
 
-class _Cache:
-    """Least-recently-used cache, bounded by the number of models and of nodes."""
-
-    def __init__(self) -> None:
-        self.entries: OrderedDict[Signature, _Entry] = OrderedDict()
-        self.lock = threading.Lock()
-
-    def get(self, key: Signature) -> _Entry | None:
-        with self.lock:
-            entry = self.entries.get(key)
-            if entry is not None:
-                self.entries.move_to_end(key)
-            return entry
-
-    def put(self, key: Signature, entry: _Entry) -> None:
-        with self.lock:
-            self.entries[key] = entry
-            self.entries.move_to_end(key)
-            while len(self.entries) > 1 and (
-                len(self.entries) > _MOST_MODELS or sum(e.size for e in self.entries.values()) > _MOST_NODES
-            ):
-                self.entries.popitem(last=False)
-
-
-_cache = _Cache()
+_cache: Recent[_Entry] = Recent(_MOST_MODELS, lambda entry: entry.size, _MOST_NODES)
 
 
 def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
@@ -151,8 +126,7 @@ def remember(key: Signature, compiled: CompiledModel) -> None:
 
 def forget() -> None:
     """Empty the cache."""
-    with _cache.lock:
-        _cache.entries.clear()
+    _cache.clear()
 
 
 def _with_values(compiled: CompiledModel, flat: FlatSystem) -> CompiledModel:

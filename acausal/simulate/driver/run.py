@@ -7,7 +7,7 @@ import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 
@@ -69,7 +69,9 @@ class Run:
     start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
     `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
     `searches` says whether what steep functions do between rows is searched: not under a bound on all steps.
-    `unsearched` are starts of stretches of too many steps for that [s].
+    `unsearched` are starts of stretches of too many steps for that [s]. `problem` are the equations with the numbers of
+    this run, `tables` the stops that long tables of time demand, `tolerances` those of the solver, a share of the
+    run's.
     """
 
     compiled: CompiledModel
@@ -87,6 +89,9 @@ class Run:
     watches: bool = True
     searches: bool = True
     solver: Solver = field(init=False)
+    problem: Problem = field(init=False)
+    tables: Kinks = field(init=False)
+    tolerances: Tolerances = field(init=False)
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     unsearched: list[float] = field(default_factory=list)
@@ -111,18 +116,6 @@ class Run:
         """The dynamics of systems that share no equation; None where the model is run as one."""
         return self.dynamics if isinstance(self.dynamics, IndependentSystems) else None
 
-    @cached_property
-    def problem(self) -> Problem:
-        """The equations with the numbers of this run."""
-        return Problem(self.compiled, self.p, self.u, self.options.native)
-
-    @cached_property
-    def tolerances(self) -> Tolerances:
-        """The tolerances of the solvers: a share of those of the run."""
-        bends = self.solver.multistep and self.tables.are_dense
-        share = share_of(self.compiled, self.solver, self.options.tolerance, bends)
-        return self.options.tolerances.scaled(share)
-
     def result(self) -> Result:
         """Run; once more without watching kinks where that holds or ends it: they make no event, whatever they tell.
 
@@ -136,8 +129,6 @@ class Run:
                 raise
             self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()
             self.unsearched.clear()
-            self.__dict__.pop("problem", None)
-            self.__dict__.pop("tolerances", None)
             return self._result()
 
     def _result(self) -> Result:
@@ -155,6 +146,10 @@ class Run:
             if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
                 self.searches = False  # the message says what may be passed over under this bound
+        self.problem = Problem(self.compiled, self.p, self.u, opts.native)
+        self.tables = self._tables()
+        bends = self.solver.multistep and self.tables.are_dense
+        self.tolerances = opts.tolerances.scaled(share_of(self.compiled, self.solver, opts.tolerance, bends))
         began = clock.perf_counter()
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
@@ -208,8 +203,7 @@ class Run:
         recorder.begin(opts.start_time, start.x, start.z, m)
         return make_result(recorder, (), {}, None)
 
-    @cached_property
-    def tables(self) -> Kinks:
+    def _tables(self) -> Kinks:
         """Stops and longest steps that long tables of time demand of a solver with step control."""
         opts = self.options
         if self.solver.fixed_step or opts.step is not None:

@@ -9,7 +9,6 @@ a fifth faster there, and functions and integrators are kept for the last few va
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -19,6 +18,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import Recent
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.calls.in_columns import InColumns, derived, in_columns
 from acausal.simulate.equations.calls.raw import Kept
@@ -73,8 +73,8 @@ class ScaledEquations:
         else:
             self._p, self._u = (v.copy() for v in values)
             self._columns = compiled.mapped(zeros)
-        self._integrators: OrderedDict[tuple[Any, ...], Kept] = OrderedDict()
-        self._derived: OrderedDict[_Form, tuple[Any, dict[str, Any]]] = OrderedDict()
+        self._integrators: Recent[Kept] = Recent(min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)))
+        self._derived: Recent[tuple[Any, dict[str, Any]]] = Recent(_FORMS)
         self._reused: dict[_Form, tuple[Any, Reused]] = {}
         self._in_columns: dict[_Form, tuple[Any, InColumns | None]] = {}
         self._slowed: dict[tuple[int, float], Any] = {}
@@ -283,13 +283,8 @@ class ScaledEquations:
         # a function has one memory that is its own: no two threads may share it
         given = tuple((name, v if isinstance(v, (float, int, str)) else repr(v)) for name, v in settings.items())
         key = *form, grid.tobytes(), given, by_columns
-        found = self._integrators.pop(key, None)
-        if found is None:
-            found = Kept(self._made(form, dae, grid, settings, by_columns))
-        self._integrators[key] = found
-        if len(self._integrators) > min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)):
-            self._integrators.popitem(last=False)
-        return found
+        found = self._integrators.get(key)
+        return found or self._integrators.put(key, Kept(self._made(form, dae, grid, settings, by_columns)))
 
     def reused(self, plugin: str, dae: Any, native: bool = False) -> Reused | None:
         """The Jacobian of these integrators in this thread, where it serves several steps."""
@@ -302,7 +297,7 @@ class ScaledEquations:
         To derive and order the Jacobian is nearly all of what an integrator of many equations costs.
         """
         plugin = form[0]
-        _, shared = self._derived.pop(form, (dae, {}))
+        _, shared = self._derived.get(form) or (dae, {})
         shared = shared or self._derived_by_columns(form, dae)
         # what is not finite is named by `failure.py`, once, and a step that leads there is tried again, shorter
         options = {**settings, "show_eval_warnings": False, "cache": self._by_columns(form, dae, shared, by_columns)}
@@ -316,9 +311,7 @@ class ScaledEquations:
             changed = self._by_columns(form, dae, shared, by_columns)
             if changed is not shared or form in self._reused:
                 found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": changed})
-        self._derived[form] = dae, shared  # a function that is held has its hash for itself
-        if len(self._derived) > _FORMS:
-            self._derived.popitem(last=False)
+        self._derived.put(form, (dae, shared))  # a function that is held has its hash for itself
         return found
 
     def _derived_by_columns(self, form: _Form, dae: Any) -> dict[str, Any]:
@@ -405,7 +398,7 @@ def controls(count: int) -> Vector:
     return np.array(np.arange(count) % 2, dtype=np.float64)
 
 
-_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, ScaledEquations]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, Recent[ScaledEquations]] = WeakKeyDictionary()
 
 
 def scaled_equations(compiled: CompiledModel, p: Vector, u: Vector) -> ScaledEquations:
@@ -425,12 +418,6 @@ def with_values(compiled: CompiledModel, p: Vector, u: Vector) -> ScaledEquation
 
 def _kept(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> ScaledEquations:
     compiled = compiled.common
-    made = _MADE.setdefault(compiled, OrderedDict())
+    made = _MADE.setdefault(compiled, Recent(_FORMS))
     key = zeros if values is None else tuple(v.tobytes() for v in values)
-    found = made.pop(key, None)
-    if found is None:
-        found = ScaledEquations(compiled, zeros, values)
-    made[key] = found
-    if len(made) > _FORMS:
-        made.popitem(last=False)
-    return found
+    return made.get(key) or made.put(key, ScaledEquations(compiled, zeros, values))

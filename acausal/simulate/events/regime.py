@@ -12,7 +12,6 @@ rest does so in each of them.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -26,6 +25,7 @@ from acausal.arrays import Vector
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.functions import guard_rates
+from acausal.recent import Recent
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
@@ -376,18 +376,12 @@ def _slopes(g: Any, v: Any, which: Any) -> Any:
     return ca.densify(ca.sum1(ca.SX(slopes.sparsity(), chosen)).T)
 
 
-_MADE: WeakKeyDictionary[CompiledModel, OrderedDict[Any, ActiveSet]] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[CompiledModel, Recent[ActiveSet]] = WeakKeyDictionary()
 
 
 def active_set(free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> ActiveSet:
     """The equations of a model for these holds, from those that were asked for before."""
     free = free.common
-    made = _MADE.setdefault(free, OrderedDict())
+    made = _MADE.setdefault(free, Recent(_MOST))
     key = holds, border
-    found = made.pop(key, None)
-    if found is None:
-        found = ActiveSet(free, holds, border)
-    made[key] = found
-    if len(made) > _MOST:
-        made.popitem(last=False)
-    return found
+    return made.get(key) or made.put(key, ActiveSet(free, holds, border))

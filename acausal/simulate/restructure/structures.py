@@ -7,8 +7,6 @@ equations are flattened, and recalled as those of any model are (`acausal.lower.
 
 from __future__ import annotations
 
-import threading
-from collections import OrderedDict
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -22,37 +20,18 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
+from acausal.recent import Recent
 from acausal.result.result import Result
 
 _MOST, _MOST_NODES = 32, 1_000_000
 
 
-class _Structures:
-    """Those used last, as many as fit; the models are held, so that no other can be taken for them."""
-
-    def __init__(self) -> None:
-        self.entries: OrderedDict[Hashable, tuple[Component, CompiledModel]] = OrderedDict()
-        self.lock = threading.Lock()
-
-    def get(self, key: Hashable) -> CompiledModel | None:
-        with self.lock:
-            found = self.entries.get(key)
-            if found is None:
-                return None
-            self.entries.move_to_end(key)
-            return found[1]
-
-    def put(self, key: Hashable, model: Component, compiled: CompiledModel) -> None:
-        with self.lock:
-            self.entries[key] = model, compiled
-            self.entries.move_to_end(key)
-            nodes = sum(len(c.solution.structure.reduced.pool.nodes) for _, c in self.entries.values())
-            while len(self.entries) > 1 and (len(self.entries) > _MOST or nodes > _MOST_NODES):
-                _, (_, least) = self.entries.popitem(last=False)
-                nodes -= len(least.solution.structure.reduced.pool.nodes)
+def _nodes(entry: tuple[Component, CompiledModel]) -> int:
+    return len(entry[1].solution.structure.reduced.pool.nodes)
 
 
-_structures = _Structures()
+# The models are held, so that no other can be taken for them.
+_structures: Recent[tuple[Component, CompiledModel]] = Recent(_MOST, _nodes, _MOST_NODES)
 
 
 def structure(
@@ -65,7 +44,7 @@ def structure(
     key = _key(recipe, parameters, choices)
     known = None if key is None else _structures.get(key)
     if known is not None:
-        return known, False
+        return known[1], False
     compiled = compile(
         recipe.model,
         parameters=parameters,
@@ -76,7 +55,7 @@ def structure(
         choices=choices,
     )
     if key is not None:
-        _structures.put(key, recipe.model, compiled)
+        _structures.put(key, (recipe.model, compiled))
     return compiled, True
 
 
