@@ -114,7 +114,13 @@ def _native() -> Iterator[Finding]:
         yield Finding("C compiler", "broken", f"{type(error).__name__}: {error}".split("\n")[0])
         return
     compiler = cache.compiler()
-    yield Finding("C compiler", "ok" if compiler else "missing", compiler or "none found; models run interpreted")
+    failure = None if compiler is None else cache.trial(compiler)
+    if compiler is None:
+        yield Finding("C compiler", "missing", "none found; models run interpreted")
+    elif failure is None:
+        yield Finding("C compiler", "ok", compiler)
+    else:
+        yield Finding("C compiler", "broken", f"{compiler} fails, models run interpreted: {failure}".split("\n")[0])
     folder = cache.folder()
     kept = [f for f in folder.glob("*") if f.is_file()] if folder.is_dir() else []
     size = sum(f.stat().st_size for f in kept) / 1e6
@@ -135,6 +141,6 @@ def _run(compiled: CompiledModel, solver: str, step: float | None) -> str:
     t, z, w = float(result.time[-1]), 0.5, math.sqrt(100.0 - 0.25)
     exact = 0.1 * math.exp(-z * t) * (math.cos(w * t) + z / w * math.sin(w * t))
     error = abs(float(result.final("mass.s")) - exact)
-    if error > 1e-5:
+    if not error <= 1e-5:  # nan too
         raise RuntimeError(f"the oscillator is off by {error:.2g} m")
     return f"oscillator within {error:.1g} m of its closed form, {1e3 * (time.perf_counter() - began):.0f} ms"

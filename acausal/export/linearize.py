@@ -193,9 +193,7 @@ def _slopes_of(
     return slopes
 
 
-def _parameters_of_run(
-    compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str]
-) -> dict[str, float]:
+def _parameters_of_run(compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str]) -> dict[str, float]:
     """Free parameters of a run, which calls contacts by their `lasting` names."""
     if result is None:
         return {}

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from acausal.cli.doctor import _native
 from acausal.cli.output.failure import report_unraisable
 from acausal.result.result import load
 from tests.cli.running import ROOT, spawn, start
@@ -160,6 +161,16 @@ def test_doctor_finds_this_installation_healthy(folder: Path) -> None:
     assert "broken" not in outcome.out
     for name in ("casadi", "solver idas", "solver rosenbrock", "compiling a model"):
         assert name in outcome.out
+
+
+def test_doctor_names_a_compiler_that_does_not_work(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is there and fails: runs would be interpreted for ever."""
+    command = folder / "cc"
+    command.write_text("#!/bin/sh\necho no licence >&2\nexit 1\n")
+    command.chmod(0o755)
+    monkeypatch.setenv("CC", str(command))
+    found = next(f for f in _native() if f.name == "C compiler")
+    assert (found.status, "no licence" in found.detail) == ("broken", True)
 
 
 def test_verbs_share_their_words() -> None:

@@ -254,3 +254,28 @@ def test_what_determines_the_start_is_kept() -> None:
     compiled = acausal.compile(Start(), outputs=["a"])
     assert set(compiled.states) == {"a", "b"}
     assert run(compiled).final("a") == pytest.approx(2.0 * np.exp(-1.0), rel=1e-7)
+
+
+class Swing(Component):
+    """A point mass on a circle in a plane that nothing leaves; the constraint is stabilised."""
+
+    x: Real = variable(default=fixed(0.6))
+    y: Real = variable(default=guess(-0.8))
+    z: Real = variable(default=fixed(0.25))
+    v: Real = variable(default=fixed(0.0))
+    w: Real = variable()
+    f: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.y) == self.w
+        yield der(self.v) == -self.x * self.f
+        yield der(self.w) == -self.y * self.f - 9.81
+        yield self.x**2 + self.y**2 == 1.0
+        yield der(self.z) == 0.0
+
+
+def test_what_never_moves_runs_without_the_constraints_beside_it() -> None:
+    compiled = acausal.compile(Swing(), outputs=["z"])
+    assert not compiled.states
+    assert run(compiled)["z"] == pytest.approx(0.25)

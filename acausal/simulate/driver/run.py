@@ -351,7 +351,8 @@ class Run:
 
     def stabilise(self, start: Start, m: Vector) -> None:
         """Choose the rate of stabilised constraints by the model's own time scale at the start, unless it was given."""
-        if self.compiled.solution.structure.rate is None or self.p[-1] != STABILISATION_RATE:
+        structure = self.compiled.solution.structure
+        if structure.rate is None or not structure.invariants or self.p[-1] != STABILISATION_RATE:
             return
         ode = np.array(self.compiled.rhs(self.options.start_time, start.x, start.z, self.u, self.p, m)[0]).ravel()
         fastest = float(np.max(np.abs(ode) / (np.abs(start.x) + self.compiled.nominal_x)))

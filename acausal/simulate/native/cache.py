@@ -89,6 +89,23 @@ _HUNG: set[str] = set()
 """Compilers that did not come to an end; they are not asked again."""
 
 
+def trial(command: str) -> str | None:
+    """What is wrong with a compiler, found by a small function of which nothing is kept; None where it works."""
+    x = ca.SX.sym("x")
+    small = ca.Function("trial", [x], [x * ca.sin(x)])
+    with tempfile.TemporaryDirectory(prefix="acausal-") as scratch:
+        written, made = Path(scratch) / "trial.c", Path(scratch) / f"trial{_SUFFIX}"
+        written.write_text(functions(small), encoding="utf-8")
+        try:
+            failure = _compile([command, *FLAGS, "-o", str(made), str(written), "-lm"], _time_limit(""))
+            if failure is not None:
+                return failure
+            found = float(ca.external("trial", str(made))(0.5))
+        except (OSError, RuntimeError) as error:
+            return str(error)
+    return None if abs(found - float(small(0.5))) < 1e-12 else f"its code gives {found:g} for {float(small(0.5)):g}"
+
+
 def _build(command: str, wanted: str, source: str) -> Path | None:
     kept = home()
     with tempfile.TemporaryDirectory(prefix="build-", dir=kept) as scratch:
