@@ -19,6 +19,8 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.simulate.native.sparse_lu import with_lu
+
 ENTRY = "segment"
 """Name of an integrator's C function."""
 
@@ -155,6 +157,8 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
         source, count = re.subn(pattern, text, source)
         if count != 1:
             return None
+    if plugin == "rosenbrock":
+        source = with_lu(source)
     before, marker, after = source.partition(f"/* {ENTRY}:")
     return _with_run(f"{before}{rows(plugin)}{marker}{after}") if marker else None
 

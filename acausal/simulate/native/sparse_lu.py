@@ -1,0 +1,125 @@
+"""The linear systems of a generated Rosenbrock integrator: a sparse LU in front of CasADi's QR (`sparse_lu.c`).
+
+The pattern is that of the generated source. It is ordered once, by minimum degree, with pivots on the diagonal; the
+values decide at each step whether that was good enough, and QR is there where it was not.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+_FIELDS = "iter", "iter_v", "iter_r"
+# Each has to fit once, or the source stays as it was; C of the factorisation goes in front of the first.
+_CHANGES: tuple[tuple[str, str], ...] = (
+    (r"struct casadi_rosenbrock_data \{\n", r"\g<0>  int lu;\n"),
+    (
+        r"  casadi_qr\(rp->sp_iter, r->iter, ",
+        "  r->lu = p->nadj == 0 && acausal_lu(r->iter, r->iter_v, r->qr_w);\n  if (r->lu) return 0;\n\\g<0>",
+    ),
+    (
+        r"  casadi_qr_solve\(v, nrhs, tr, rp->sp_iter_v, ",
+        "  if (r->lu) {\n    casadi_int k, n = rp->sp_iter[1];\n"
+        "    for (k = 0; k < nrhs; ++k) acausal_lu_solve(r->iter_v, v + k * n, r->qr_w);\n    return;\n  }\n\\g<0>",
+    ),
+)
+_PLACE = "struct casadi_rosenbrock_prob {\n"
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """Which entries an LU of a sparse matrix has, in the order of elimination.
+
+    Attributes
+    ----------
+    order
+        The row and column of the matrix that is eliminated at each step, shape (n,).
+    left, right
+        Columns of L and of U in each row, without the diagonal, ascending.
+    given
+        Columns and places, among the entries of the matrix by columns, of each row.
+    """
+
+    order: tuple[int, ...]
+    left: tuple[tuple[int, ...], ...]
+    right: tuple[tuple[int, ...], ...]
+    given: tuple[tuple[tuple[int, int], ...], ...]
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers `sparse_lu.c` keeps: L, U, pivots, and the largest entry of each row of U."""
+        return sum(map(len, self.left)) + sum(map(len, self.right)) + 2 * len(self.order)
+
+
+def elimination(pattern: ca.Sparsity) -> Elimination | None:
+    """How a square matrix is eliminated, by minimum degree of A + A^T; None where its diagonal has zeros."""
+    n = pattern.size1()
+    if not all(pattern.has_nz(k, k) for k in range(n)):
+        return None
+    order = (pattern + pattern.T).amd()
+    step = np.empty(n, dtype=int)
+    step[order] = np.arange(n)
+    given: list[list[tuple[int, int]]] = [[] for _ in range(n)]
+    for place, (row, column) in enumerate(zip(*pattern.get_triplet(), strict=True)):
+        given[step[row]].append((int(step[column]), place))
+    left: list[list[int]] = []
+    right: list[list[int]] = []
+    for k in range(n):
+        entries = {column for column, _ in given[k]}
+        for column in range(min(entries), k):  # those that come on the way are behind it
+            if column in entries:
+                entries.update(right[column])
+        left.append(sorted(c for c in entries if c < k))
+        right.append(sorted(c for c in entries if c > k))
+    return Elimination(tuple(order), *(tuple(map(tuple, rows)) for rows in (left, right, given)))
+
+
+def with_lu(source: str) -> str:
+    """A generated Rosenbrock integrator with an LU in front of its QR; as it is where LU would not be less."""
+    found = [_array(source, name) for name in _FIELDS]
+    if any(array is None for array in found):
+        return source
+    matrix, *factors = (ca.Sparsity.compressed(array) for array in found)
+    plan = elimination(matrix)
+    # it is kept where QR has its factors, which therefore have to be as large
+    if plan is None or plan.numbers > sum(f.nnz() for f in factors) + matrix.size1():
+        return source
+    text = source
+    for pattern, replacement in ((re.escape(_PLACE), lambda place: _code(plan) + place.group()), *_CHANGES):
+        text, count = re.subn(pattern, replacement, text)
+        if count != 1:
+            return source
+    return text
+
+
+def _array(source: str, field: str) -> list[int] | None:
+    """The sparsity that a field of the integrator points to, as CasADi compresses it."""
+    name = re.search(rf"\.sp_{field} = (casadi_s\d+);", source)
+    array = name and re.search(rf"\b{name.group(1)}\[\d+\] =\s*\{{([-\d,\s]+)\}};", source)
+    return [int(number) for number in array.group(1).split(",")] if array else None
+
+
+def _code(plan: Elimination) -> str:
+    arrays = {
+        "order": plan.order,
+        **_rows("left", plan.left),
+        **_rows("right", plan.right),
+        **_rows("given", [[column for column, _ in row] for row in plan.given]),
+        "given_from": [place for row in plan.given for _, place in row],
+    }
+    lines = [f"#define LU_ROWS {len(plan.order)}\n"]
+    for name, numbers in arrays.items():
+        text = ", ".join(map(str, numbers)) or "0"
+        lines.append(f"static const casadi_int lu_{name}[{max(len(numbers), 1)}] = {{{text}}};\n")
+    return "".join(lines) + Path(__file__).with_name("sparse_lu.c").read_text(encoding="utf-8")
+
+
+def _rows(name: str, rows: Sequence[Sequence[int]]) -> dict[str, list[int]]:
+    """Where each row begins, and the columns of all rows."""
+    ends = np.cumsum([0, *map(len, rows)]).tolist()
+    return {name: ends, f"{name}_at": [column for row in rows for column in row]}
