@@ -179,9 +179,19 @@ def test_pairs_stay_while_they_hold_all_that_are_near() -> None:
     assert one_near.clearance == pytest.approx(0.2)
     away = one_near.following(seen((0.09, 0.09, 0.09)))
     assert away.structure() == one_near.structure()
-    # of a pair that is left out both bodies may move by half of its gap
-    rows = {name: value[None] for name, value in seen((0.09, 0.09, 0.19)).items()}
-    assert away.moved(seen((0.09, 0.09, 0.09)), rows) == pytest.approx(1.0)
+    # pairs that are left out are 0.2 m apart, and how much of that is used up is what they have come closer
+    before = seen((0.09, 0.09, 0.09))
+
+    def used(*instants: dict[str, Any]) -> np.ndarray[Any, Any]:
+        return away.moved(before, {name: np.stack([at[name] for at in instants]) for name in before})
+
+    aside, closer = seen((0.19, 0.19, 0.19)), seen((0.09, 0.09, 0.09), (0.0, 0.2, 0.6))
+    assert used(before, aside) == pytest.approx([0.0, 0.0])
+    assert used(before, seen((0.09, 0.09, 0.09), (0.05, 0.3, 0.6)))[1] >= 0.25
+    # anywhere between two instants, and beyond them by as far as it came
+    assert used(before, *(seen((0.09,) * 3, (0.0, 0.3 - 0.01 * k, 0.6)) for k in range(11)))[-1] == pytest.approx(0.55)
+    # two balls that pass each other's places are never near at an instant
+    assert used(before, closer, seen((0.09,) * 3, (0.2, 0.5, 0.6)))[-1] >= 1.0
     # two balls meet far above the ground: the pair is new, and the nearest others come with it
     meeting = away.following(seen((0.5, 0.5, 0.9), (0.0, 0.11, 0.6)))
     assert (1, 2) in meeting.pairs

@@ -126,9 +126,15 @@ class Recorder:
         self.boundaries = [b for b in self.boundaries if b[0] < self.time]
         self._hidden = [k for k in self._hidden if k < row]
 
-    def since(self, row: int) -> Result:
-        """What was recorded from one row on."""
-        return _table(self, self.rows(row))
+    def since(self, row: int, which: NDArray[np.int64] | slice = slice(None)) -> Result:
+        """What was recorded from one row on; of these rows, counted from there, those that are `which`."""
+        times, x, z, m = self.rows(row)
+        return _table(self, (times[which], x[:, which], z[:, which], m[:, which]))
+
+    def times(self, first: int) -> Vector:
+        """Times of all rows from one on."""
+        part = bisect_right(self._starts, first) - 1
+        return np.concatenate(self._times[part:])[first - self._starts[part] :]
 
     def hide(self, row: int, boundary: int | None = None) -> None:
         """Leave a row out of the result, and a boundary at which nothing has happened."""
@@ -163,9 +169,8 @@ class Recorder:
         """(times, x, z, modes) of all rows from one on; columns are instants."""
         part = bisect_right(self._starts, first) - 1
         skip = first - self._starts[part]
-        times = np.concatenate(self._times[part:])[skip:]
         x, z, m = (joined(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
-        return times, x, z, m
+        return self.times(first), x, z, m
 
     def before(self, t: float) -> int:
         """The last row not after `t`."""

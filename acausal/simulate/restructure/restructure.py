@@ -53,6 +53,10 @@ _MOST_USED = 0.5
 _WORN = 0.25
 # The next look is where so much of what is left will have been used, as fast as it was until now.
 _MOST_FORESEEN = 0.3
+# And so many times as long as the last at most; each look concerns all bodies, however little has happened.
+_GROWTH = 4.0
+# Rows between two looks that are looked at, if there are more: those at events of one body are rows of all others.
+_ROWS = 256
 _SHORTEST = 1e-9
 
 
@@ -99,14 +103,15 @@ class Skin:
     def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Whether the structure still holds; rows from where it did not are cut."""
         first, self._rows = self._rows, record.count
-        recorded = record.since(first)
+        rows = spread(record.count - first, _ROWS)
+        recorded = record.since(first, rows)
         seen, times = self.watch.read(recorded), recorded.time
         used = self._used(seen, len(times))
         # between two rows that are far from each other there may have been more
         wrong = (used > 1.0) | (np.diff(used, prepend=used[0]) > _MOST_USED)
         span = record.time - self._from
         if wrong.any():
-            good = _apart(times, max(int(np.argmax(wrong)) - 1, 0))
+            good = _apart(record.times(first), int(rows[max(int(np.argmax(wrong)) - 1, 0)]))
             # the row before the stop, if there is one: what has happened there happens again
             record.cut(first + good if good > 0 else max(first - 1, 0))
             self.length = max(record.time - self._from, self.length / 4)
@@ -115,7 +120,7 @@ class Skin:
         holds = last <= _WORN or self._chosen_anew(seen)
         left = 1.0 - last if last <= _WORN else 1.0
         pace = max(last - float(used[0]), 1e-9) / span
-        self.length = min(2.0 * max(self.length, span), _MOST_FORESEEN * left / pace)
+        self.length = min(_GROWTH * max(self.length, span), _MOST_FORESEEN * left / pace)
         return holds
 
     def _chosen_anew(self, seen: Seen) -> bool:
@@ -138,6 +143,11 @@ class Skin:
 def at_row(seen: Seen, row: int) -> dict[str, dict[str, Array]]:
     """Values of the watched signals at a row."""
     return {path: {name: values[row] for name, values in own.items()} for path, own in seen.items()}
+
+
+def spread(count: int, most: int) -> NDArray[np.int64]:
+    """The first and the last of so many rows, and `most` of those between them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
 def _apart(times: Array, row: int) -> int:

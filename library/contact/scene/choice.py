@@ -20,6 +20,12 @@ _SPARE = 2
 """So many times the pairs that are near, or the bodies, may be in the equations before others are chosen."""
 
 
+_LITTLE = 0.25
+"""Share of the clearance by which bodies may have moved before pairs are looked at one by one."""
+_NO_GAP = 1e-12
+"""A pair as near as this [m] when it was left out may not come closer at all."""
+
+
 class Scene(Protocol):
     """What a choice asks of its scene; `ContactScene` says what it means."""
 
@@ -111,9 +117,7 @@ class SceneChoice:
         other take one structure. A contact with traces has its pairs when it is near, and no longer.
         """
         scene = self.scene
-        low, high = (side.copy() for side in scene.at_rest)
-        low[scene.numbers], high[scene.numbers] = scene.outlines.boxes(*self._frames(seen))
-        gap = gaps(low, high, *scene.ends)
+        gap = gaps(*self._sides(scene.outlines.boxes(*self._frames(seen))), *scene.ends)
         near = gap <= scene.skin
         chosen = scene.pairs_of(np.flatnonzero(near))
         if not scene.has_traces and len(chosen) <= len(self.pairs) <= _SPARE * max(len(chosen), len(scene.numbers)):
@@ -132,11 +136,37 @@ class SceneChoice:
         return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps, clearance=clearance)
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-        """By how many halves of the clearance some body has moved, at n instants [1], shape (n,).
+        """How much of the gaps of pairs that were left out may be used up, at n instants [1], shape (n,).
 
-        A pair that was left out is apart by the clearance, so both of its bodies may move by half of it.
+        Such a pair is apart by the clearance, so both of its bodies may move by half of it. Balls that fall side by
+        side move by far more and stay as far from each other: then pair by pair, of all instants together.
         """
-        return self.scene.outlines.moved(self._frames(before), *self._frames(after)) / (self.clearance / 2)
+        start, later = self._frames(before), self._frames(after)
+        used = self.scene.outlines.moved(start, *later) / (self.clearance / 2)
+        if used.max(initial=0.0) <= _LITTLE or self.scene.has_traces or self.scene.outlines.endless:
+            return used
+        return np.minimum(used, self._closed(start, later))
+
+    def _closed(self, start: tuple[Array, Array], later: tuple[Array, Array]) -> float:
+        """By how much of its gap a pair that was left out has come closer at most, anywhere between the instants [1].
+
+        Each body may have been anywhere within its boxes at the instants, and beyond them by as far as it came from one
+        instant to the next.
+        """
+        scene = self.scene
+        out = ~scene.among(self.pairs)
+        ends = scene.ends[0][out], scene.ends[1][out]
+        boxes = scene.outlines.boxes(*later)
+        step = [np.abs(np.diff(side, axis=0)).max(axis=0, initial=0.0) for side in boxes]
+        swept = boxes[0].min(axis=0) - step[0], boxes[1].max(axis=0) + step[1]
+        at_start, meanwhile = (gaps(*self._sides(own), *ends) for own in (scene.outlines.boxes(*start), swept))
+        return float((1.0 - meanwhile / np.maximum(at_start, _NO_GAP)).max(initial=0.0))
+
+    def _sides(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Lowest and highest corners of the boxes of all bodies [m], shape (n, 3) each; `own` of those that move."""
+        low, high = (side.copy() for side in self.scene.at_rest)
+        low[self.scene.numbers], high[self.scene.numbers] = own
+        return low, high
 
     def _frames(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
         """Places (n, 3) and rotations (n, 3, 3) of the n bodies that move; of m instants (m, n, 3) and (m, n, 3, 3)."""

@@ -87,10 +87,13 @@ class Outlines:
         return np.asarray(far.max(axis=1, initial=0.0))
 
     def boxes(self, r: Array, R: Array) -> tuple[Array, Array]:
-        """Lowest and highest corners of boxes around the shapes in world axes [m], shape (n, 3) each."""
+        """Lowest and highest corners of boxes around the shapes in world axes [m], shape (n, 3) each.
+
+        Also at m instants, as `moved` has them: shape (m, n, 3) each, of bodies with an end.
+        """
         turned = R @ self.turned
-        middle = r + np.einsum("bij,bj->bi", R, self.place) + np.einsum("bij,bj->bi", turned, self.middle)
-        half = np.einsum("bij,bj->bi", np.abs(turned), self.half)
+        middle = r + np.einsum("...bij,bj->...bi", R, self.place) + np.einsum("...bij,bj->...bi", turned, self.middle)
+        half = np.einsum("...bij,bj->...bi", np.abs(turned), self.half)
         low, high = middle - half, middle + half
         for k, body in self.endless:
             low[k], high[k] = body.box(r[k], R[k])
