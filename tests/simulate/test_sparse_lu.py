@@ -8,10 +8,12 @@ the largest entry of each row.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from acausal.simulate.native import cache
 from acausal.simulate.native.sparse_lu import _code, elimination, with_lu
@@ -31,15 +33,19 @@ int attempt(const double* a, double* lu, double* x, double* v) {
 """
 
 
-def _solver(pattern: ca.Sparsity):
+Array = NDArray[np.float64]
+
+
+def _solver(pattern: ca.Sparsity) -> Callable[[Array, Array], Array | None]:
     """`(A, b) -> x` for matrices with these entries; None where the factorisation is refused."""
     plan = elimination(pattern)
     assert plan is not None
     text = _HEAD + _code(plan) + _ENTRY
     library = cache.made(cache.key("test of the LU", text), lambda: text, lambda path: ctypes.CDLL(str(path)))
+    assert library is not None
     rows, columns = pattern.get_triplet()
 
-    def solve(matrix, b):
+    def solve(matrix: Array, b: Array) -> Array | None:
         a, v = np.ascontiguousarray(matrix[rows, columns]), b.copy()
         lu, x = np.full(plan.numbers, np.nan), np.full(len(b), np.nan)
         pointers = (ctypes.c_void_p(array.ctypes.data) for array in (a, lu, x, v))

@@ -406,21 +406,24 @@ def origins(
     equations += [(node, solution.structure.flat_equation(e)) for e, node in enumerate(solution.structure.residuals)]
     found: dict[int, tuple[Span | None, str]] = {}
     missing = set(events.relations)
+    # what an earlier statement holds is its own: nodes are visited once, however many statements share them
+    done, seen = dict(rewritten), set[int]()
+
+    def first_held(node: int) -> set[int]:
+        pool.rewrite([node], pool.var, done)
+        fresh = pool.reachable([done[node]], seen)
+        seen.update(fresh)
+        return missing.intersection(fresh)
+
     for node, where, component in held:
-        for r in missing & _under(pool, node, rewritten):
+        for r in first_held(node):
             found[r] = (where, component)
-        missing -= found.keys()
+    missing -= found.keys()
     for node, k in equations:
         if not missing:
             break
-        for r in missing & _under(pool, node, rewritten):
+        for r in first_held(node):
             equation = flat.equations[k]
             found[r] = (equation.origin.span() if equation.origin else None, equation.component)
         missing -= found.keys()
     return [found.get(r, (None, "")) for r in events.relations]
-
-
-def _under(pool: Pool, node: int, rewritten: dict[int, int]) -> set[int]:
-    done = dict(rewritten)
-    pool.rewrite([node], pool.var, done)
-    return set(pool.reachable([done[node]]))

@@ -76,21 +76,23 @@ def elimination(pattern: ca.Sparsity) -> Elimination | None:
                 entries.update(right[column])
         left.append(sorted(c for c in entries if c < k))
         right.append(sorted(c for c in entries if c > k))
-    return Elimination(tuple(order), *(tuple(map(tuple, rows)) for rows in (left, right, given)))
+    lower, upper = tuple(map(tuple, left)), tuple(map(tuple, right))
+    return Elimination(tuple(order), lower, upper, tuple(map(tuple, given)))
 
 
 def with_lu(source: str) -> str:
     """A generated Rosenbrock integrator with an LU in front of its QR; as it is where LU would not be less."""
-    found = [_array(source, name) for name in _FIELDS]
-    if any(array is None for array in found):
+    found = [array for name in _FIELDS if (array := _array(source, name)) is not None]
+    if len(found) < len(_FIELDS) or _PLACE not in source:
         return source
     matrix, *factors = (ca.Sparsity.compressed(array) for array in found)
     plan = elimination(matrix)
     # it is kept where QR has its factors, which therefore have to be as large
     if plan is None or plan.numbers > sum(f.nnz() for f in factors) + matrix.size1():
         return source
-    text = source
-    for pattern, replacement in ((re.escape(_PLACE), lambda place: _code(plan) + place.group()), *_CHANGES):
+    before, place, after = source.partition(_PLACE)
+    text = before + _code(plan) + place + after
+    for pattern, replacement in _CHANGES:
         text, count = re.subn(pattern, replacement, text)
         if count != 1:
             return source
