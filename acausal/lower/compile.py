@@ -223,7 +223,8 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), kinks_to_locate: Loc
         shell, state_events=find_state_events(solution, states, events, kinks_to_locate), delays=delays, driven=driven
     )
     compiled = with_functions(shell)
-    impulses_of(compiled, Symbols(compiled))  # raises AC210 now instead of at the first event
+    if compiled.state_events.clauses:
+        impulses_of(compiled, Symbols(compiled))  # raises AC210 now instead of at the first event
     return compiled
 
 
@@ -282,7 +283,7 @@ def _event_functions(shell: CompiledModel, events: TimeEvents) -> tuple[Any, Any
     t, p = ca.SX.sym("t"), ca.SX.sym("p", len(shell.parameters))
     builder = Builder(shell.solution.structure.reduced.pool, t, p, {})
     other_modes = ca.SX(shell.n_modes - len(events.relations), 1)
-    m = ca.vertcat(just_after(builder, events), other_modes)
+    m = ca.vertcat(just_after(builder, events), other_modes) if events.relations else other_modes
     modes = ca.Function("modes", [t, p], [ca.densify(m)], ["t", "p"], ["m"])
     instants = ca.Function("instants", [p], [_column(builder.lower(events.instants))], ["p"], ["t"])
     return modes, instants

@@ -83,6 +83,8 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
     candidates = [
         (n, a) for n, a in _arguments(pool, reachable, moves) if moves(a)
     ]  # few, as most quotients divide by parameters
+    if not candidates:
+        return Steep()
     below = pool.reachable(a for _, a in candidates)
     has_floor = _floors(pool, below, moves)
     bounds = ranges(pool, below, lambda n: None if moves(n) else float(points.of(n)[0]))

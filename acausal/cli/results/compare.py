@@ -107,8 +107,8 @@ def compare(
         alone = len(set(a.names) ^ set(b.names))
         verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
         say(
-            f"{plural(len(found), 'common signal')}, {alone} in one file only, compared at {plural(instants, 'instant')} "
-            f"of {low:g} ... {high:g} s: {verdict}"
+            f"{plural(len(found), 'common signal')}, {alone} in one file only, compared at "
+            f"{plural(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
         )
         if short:
             say(

@@ -29,18 +29,15 @@ _NAMED = 3
 _WIDTH = 60
 
 
-def unwatched() -> str:
-    """Note to a run in which no kinks are located."""
-    return (
-        "AC414: kinks of this run (of minimum, maximum, abs, no_event) are not located as events, as one of them is "
-        f"passed without end: {_BOUNDED}"
-    )
-
-
 _BOUNDED = (
     f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, "
     "and what moves, or is steep, for less time may be missed"
 )
+UNWATCHED = (
+    "AC414: kinks of this run (of minimum, maximum, abs, no_event) are not located as events, as one of them is passed "
+    f"without end: {_BOUNDED}"
+)
+"""Note to a run in which no kinks are located."""
 
 
 def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = False) -> tuple[CompiledModel, str, str]:

@@ -17,7 +17,7 @@ from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.subsystems.split import Subsystem, subsystems
-from acausal.lower.variants.watched import UNWATCHED_STEPS, unwatched, with_watched
+from acausal.lower.variants.watched import UNWATCHED, UNWATCHED_STEPS, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result.result import Result
 from acausal.simulate.delay.memory import Memory, check_undelayed
@@ -133,14 +133,16 @@ class Run:
 
     def _result(self) -> Result:
         opts = self.options
-        check_undelayed(self.compiled, self.p)
+        if self.compiled.flat.undelayed:
+            check_undelayed(self.compiled, self.p)
         self.solver, reason = choose(self.compiled, opts.solver, opts.step, len(self.inputs.breaks))
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None:  # fixed steps sleep through nothing
-            bounded, tables = unwatched(), ""
             if self.watches:
                 self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance, branches=self.traced)
+            else:
+                bounded, tables = UNWATCHED, ""
             unseen = note_on_externals(self.compiled) if opts.max_step is None and not bounded else ""
             notes = tuple(note for note in (bounded, tables, unseen) if note)
             if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
