@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import linecache
 import math
-import re
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +10,17 @@ import matplotlib
 import numpy as np
 import pytest
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
-PAGES = [*(DOCS / "tutorial").glob("*.md"), *(DOCS / "how-to").glob("*.md")]
+from tests.pages import DOCS, blocks, run
 
-
-def run(page: Path) -> dict[str, Any]:
-    """The names that are there after all cells; messages find their lines as in a notebook."""
-    found: dict[str, Any] = {"__name__": "page"}
-    cells = re.findall(r"^```\{code-cell\}\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    assert cells
-    for k, cell in enumerate(cells):
-        name = f"<{page.stem} {k}>"
-        linecache.cache[name] = (len(cell), None, cell.splitlines(keepends=True), name)
-        exec(compile(cell, name, "exec", dont_inherit=True), found)
-    return found
+PAGES = [f"{folder}/{page.name}" for folder in ("tutorial", "how-to") for page in (DOCS / folder).glob("*.md")]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
-def test_pages_run(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: Path(p).stem)
+def test_pages_run(page: str, capsys: pytest.CaptureFixture[str]) -> None:
     matplotlib.use("Agg")
-    found = run(page)
-    check = CHECKS.get(page.stem)
+    found = run(page, "{code-cell}")
+    check = CHECKS.get(Path(page).stem)
     if check is not None:
         check(found)
     capsys.readouterr()
@@ -104,17 +91,14 @@ CHECKS = {
 
 def test_every_page_is_in_the_contents() -> None:
     """The site's index lists all pages, by name or by a pattern; it is built without warnings, but not in this test."""
-    index = (DOCS / "index.md").read_text(encoding="utf-8")
-    entries = [
-        line for block in re.findall(r"```\{toctree\}\n(.*?)```", index, re.DOTALL) for line in block.split("\n")
-    ]
+    entries = [line for block in blocks("index.md", "{toctree}") for line in block.split("\n")]
     listed = {path for entry in entries if entry and not entry.startswith(":") for path in DOCS.glob(f"{entry}.md")}
     pages = {path for path in DOCS.rglob("*.md") if "reference" not in path.parts and "_build" not in path.parts}
     assert pages - listed == {DOCS / "index.md"}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
-def test_pages_are_notebooks_as_text(page: Path) -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: Path(p).stem)
+def test_pages_are_notebooks_as_text(page: str) -> None:
     """The header that jupytext and MyST-NB take for a notebook; nbformat requires both names of the kernel."""
-    head = page.read_text(encoding="utf-8").split("---\n")[1]
+    head = (DOCS / page).read_text(encoding="utf-8").split("---\n")[1]
     assert head == "file_format: mystnb\nkernelspec:\n  display_name: Python 3\n  name: python3\n"
