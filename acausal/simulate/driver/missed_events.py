@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.driver.awake import between, dense, merged
+from acausal.simulate.driver.adaptive_sampling import between, dense, merged
 from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
@@ -113,8 +113,8 @@ class _Rows:
     """Points of one solution: the start of a segment, and what was handed over; shapes (n,), (nx, n) and (nz, n).
 
     With the arguments and middles there, shape (n, columns). `dense` are these rows and more instants, between which
-    cubics tell the arguments (`awake.dense`), and the columns there; `is_dense` says whether these are all, `is_steep`
-    which of the columns are steep where they go.
+    cubics tell the arguments (`adaptive_sampling.dense`), and the columns there; `is_dense` says whether these are all,
+    `is_steep` which of the columns are steep where they go.
     """
 
     times: Vector

@@ -14,7 +14,7 @@
 
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
 enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
-enum { ROW = 1, LOOK = 2 }; /* what an instant is asked for */
+enum { ROW = 1, MESH = 2 }; /* what an instant is asked for */
 enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
 #define INSTANT 1e-12 /* instants are told apart by this share of the run, or of the time: guards.py */
 #define FEW_INSTANTS 2.0 /* an interval as short is not divided where a guard jumps in it: bracketing.py */
@@ -79,12 +79,12 @@ struct event_loop {
   count_t jumps, jump_capacity;
   double *jump_x, *jump_m, *jump_applied;
   count_t *jump_advances, *jumps_end;
-  /* what was found at looks and rows of each stretch, for who searches them; nothing is kept where there is no capacity.
+  /* what was found at samples and rows of each stretch, for who searches them; nothing is kept where there is no capacity.
      Of each stretch: the end of its trail, its steps, and events before it */
   count_t trail, trail_capacity, stretches;
   double *trail_time, *trail_x;
   count_t *trail_end, *stretch_steps, *stretch_events;
-  /* steep functions of the rates, if any are to be looked at: columns of their arguments, how many they are, and which of them
+  /* steep functions of the rates, if any are to be sampled: columns of their arguments, how many they are, and which of them
      a column belongs to. Of each stretch, how many places may have been passed over */
   count_t columns, functions;
   const count_t* owners;
@@ -129,8 +129,8 @@ static int called(function_t f, const struct event_loop* s, struct space* o, dou
 }
 
 #ifdef STEEP
-/* What steep.c looks at, by scaled states and rates. */
-struct looker {
+/* What steep.c samples, by scaled states and rates. */
+struct sampler {
   const struct event_loop* s;
   const double** arg;
   double** res;
@@ -139,8 +139,8 @@ struct looker {
   double start;
 };
 
-static int look(void* looker, double t, const double* y, const double* rate, double* found) {
-  struct looker* l = looker;
+static int sample(void* sampler, double t, const double* y, const double* rate, double* found) {
+  struct sampler* l = sampler;
   const struct event_loop* s = l->s;
   double at = l->start + t;
   count_t k;
@@ -155,8 +155,8 @@ static int look(void* looker, double t, const double* y, const double* rate, dou
   return steep(l->arg, l->res, l->iw, l->w, 0);
 }
 
-/* Memory for looks; 1 where there is none. */
-static int watching(struct event_loop* s, struct looker* l) {
+/* Memory for samples; 1 where there is none. */
+static int sampler_of(struct event_loop* s, struct sampler* l) {
   casadi_int sizes[4];
   size_t each = (size_t) (2 * s->columns + 3 * s->functions);
   steep_work(sizes, sizes + 1, sizes + 2, sizes + 3);
@@ -165,13 +165,13 @@ static int watching(struct event_loop* s, struct looker* l) {
   l->arg = malloc(sizeof(double*) * (size_t) (sizes[0] + 7));
   l->res = malloc(sizeof(double*) * (size_t) (sizes[1] + 4));
   l->iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
-  l->w = malloc(sizeof(double) * ((size_t) sizes[3] + 2 * (size_t) s->states + (LOOKS_OF_STEP + 2) * each + 1));
+  l->w = malloc(sizeof(double) * ((size_t) sizes[3] + 2 * (size_t) s->states + (SAMPLES_OF_STEP + 2) * each + 1));
   if (!l->arg || !l->res || !l->iw || !l->w) return 1;
   l->x = l->w + sizes[3] + 1;
   l->v = l->x + s->states;
-  s->run.look = look;
-  s->run.looker = l;
-  s->run.looked = l->v + s->states;
+  s->run.sample = sample;
+  s->run.sampler = l;
+  s->run.sampled = l->v + s->states;
   s->run.owners = s->owners; s->run.columns = s->columns; s->run.functions = s->functions;
   return 0;
 }
@@ -488,7 +488,7 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   s->run.past = o->past;
   s->run.last = o->last;
 #ifdef STEEP
-  if (s->run.look) ((struct looker*) s->run.looker)->start = from->t;
+  if (s->run.sample) ((struct sampler*) s->run.sampler)->start = from->t;
 #endif
   /* arguments and results that are not asked for */
   memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);

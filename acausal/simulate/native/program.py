@@ -44,7 +44,7 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave", "last")),
         ("last_time", ctypes.c_double),
         ("last_end", ctypes.c_double),
-        *((name, ctypes.c_void_p) for name in ("look", "looker", "looked", "owners")),
+        *((name, ctypes.c_void_p) for name in ("sample", "sampler", "sampled", "owners")),
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
     )
 

@@ -1,7 +1,7 @@
 /* Rows inside of a step.
 
    Dense output of CasADi's one-step methods holds for what is slow; of a component that follows its source at once it is
-   as wrong as a polynomial through stages that are not on it. So each step with rows inside is looked at in three points:
+   as wrong as a polynomial through stages that are not on it. So each step with rows inside is evaluated at three points:
    what its polynomial p leaves of the equations, p' - f(p), carried over to the states by the matrix of the step, is the
    error of the polynomial there (W. H. Enright, Continuous numerical methods for ODEs with defect control, Journal of
    Computational and Applied Mathematics 125, 2000; the matrix for what is stiff). A polynomial of degree four that is
@@ -17,20 +17,20 @@ enum { ROWS_MOST = 20000, ROWS_POINTS = 3, ROWS_LONGEST = 64, ROWS_AGAIN = 20 };
 #define ROWS_GOOD 2.0
 
 struct acausal_rows {
-  int point;               /* of the step that is being looked at, 0 for none, ROWS_POINTS + 1 for the row */
+  int point;               /* of the step that is being evaluated, 0 for none, ROWS_POINTS + 1 for the row */
   int at_place;            /* whether the equations at a place (steep.c) were asked for */
   int again;               /* how often this step was taken again up to a place */
   int stepped;             /* whether a step was accepted that may have more places */
   casadi_int next;         /* how the method goes on behind that */
   casadi_real stop;        /* where it has to stop, but for places */
-  struct acausal_looks looks;
+  struct acausal_samples samples;
   casadi_real good;        /* start of the step that was good */
   casadi_int halting, bad; /* rows that are ends of steps without more ado, and how many it was the last time */
   casadi_real *y, *f;
 };
 
 /* Ask for the equations at the next point of the step; the last one is the row. */
-static int acausal_look(struct casadi_ivp_data* d, struct acausal_rows* r) {
+static int acausal_evaluate_point(struct casadi_ivp_data* d, struct acausal_rows* r) {
   const struct casadi_ivp_prob* p = d->prob;
   d->t_arg = ++r->point > ROWS_POINTS ? d->t_out : d->t0 + r->point * d->h / (ROWS_POINTS + 1.);
   if (r->point > ROWS_POINTS) casadi_copy(d->y_out, p->ny, r->y);
@@ -100,7 +100,7 @@ static void acausal_again(struct casadi_ivp_data* d, struct acausal_rows* r, cas
   casadi_copy(d->y0, d->prob->ny, d->y);
   d->h_next = d->h;
   r->stepped = 0;
-  r->looks.end = NAN;
+  r->samples.end = NAN;
   r->good = NAN;
   casadi_ivp_reset(d, d->t0, d->u, 0);
   casadi_ivp_advance(d, d->t_out, stop, 0);
@@ -110,9 +110,9 @@ static void acausal_again(struct casadi_ivp_data* d, struct acausal_rows* r, cas
 static int acausal_next_place(struct casadi_ivp_data* d, struct acausal_rows* r, struct acausal_run* run) {
   casadi_real t;
   if (r->again > ROWS_AGAIN) return 0;
-  t = acausal_place(d, &r->looks, run, r->y, r->f);
+  t = acausal_place(d, &r->samples, run, r->y, r->f);
   if (!(t < INFINITY)) {
-    if (t != t) { ++run->doubts; r->looks.end = NAN; }
+    if (t != t) { ++run->doubts; r->samples.end = NAN; }
     return 0;
   }
   casadi_ivp_interpolate(d, t, r->y);
@@ -146,24 +146,24 @@ static int acausal_method(struct casadi_ivp_data* d, METHOD_DATA* e, struct acau
       return 0;
     }
     r->stepped = 1;
-    r->looks.ready = 0;
+    r->samples.ready = 0;
     if (d->t == d->t_stop && d->t_stop < r->stop) d->t_stop = r->stop;
     else r->again = 0;
   }
 }
 
-/* The method up to the next row, and the looks at a step with rows inside: 1 while a task is to be carried out. */
+/* The method up to the next row, and the points of a step with rows inside: 1 while a task is to be carried out. */
 static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
   if (r->point == 0) {
     int going = acausal_method(d, e, r, run);
     if (going) return going > 0;
     if (d->status != IVP_SUCCESS || d->t == d->t_out) return 0;
     if (d->t0 == r->good) r->point = ROWS_POINTS;
-    return acausal_look(d, r);
+    return acausal_evaluate_point(d, r);
   }
   ++d->n_rhs;
   if (!d->fail && acausal_error(d, e, r) <= ROWS_GOOD) {
-    if (r->point <= ROWS_POINTS) return acausal_look(d, r);
+    if (r->point <= ROWS_POINTS) return acausal_evaluate_point(d, r);
     METHOD_CORRECT(d, e, r);
     r->point = 0;
     r->good = d->t0;
@@ -186,6 +186,6 @@ static void acausal_to_row(struct casadi_ivp_data* d, struct acausal_rows* r, co
   if (k && d->prob->step_size > 0) casadi_ivp_reset(d, run->grid[k - 1], d->u, 0);
   r->stop = run->grid[halts ? k : run->n - 1];
   casadi_ivp_advance(d, run->grid[k], r->stop, 0);
-  d->pause = run->look && d->prob->step_size <= 0 && d->prob->ny <= ROWS_MOST;
+  d->pause = run->sample && d->prob->step_size <= 0 && d->prob->ny <= ROWS_MOST;
 }
 

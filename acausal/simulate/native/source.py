@@ -33,11 +33,11 @@ struct acausal_run {
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
   double *last, last_time; /* where the last step before an event began, if there is memory for its states */
   double last_end;         /* where it would have ended, had nothing stopped it */
-  /* looks at steep functions, where there are some: their columns, the slopes of these, and what the functions are, by
-     time, states and rates; memory for what was found; the function that each column belongs to */
-  int (*look)(void*, double, const double*, const double*, double*);
-  void* looker;
-  double* looked;
+  /* samples of steep functions, where there are some: their columns, the slopes of these, and what the functions are,
+     by time, states and rates; memory for what was found; the function that each column belongs to */
+  int (*sample)(void*, double, const double*, const double*, double*);
+  void* sampler;
+  double* sampled;
   const long long* owners;
   long long columns, functions;
   long long doubts; /* places that may have been passed over */

@@ -1,11 +1,11 @@
 /* Places inside of a step at which something steep may come and go.
 
-   The law is that of driver/missed_events.py: what a steep function does between two looks shows at them, but where its argument
+   The law is that of driver/missed_events.py: what a steep function does between two samples shows at them, but where its argument
    turns, and where a step, or what an argument is even in, is in its middle. There the step has to satisfy the equations. Here
-   the solution between looks is the polynomial of the step, and its rates are known: an argument turns where its slope changes
+   the solution between samples is the polynomial of the step, and its rates are known: an argument turns where its slope changes
    its sign. */
 
-enum { LOOKS_OF_STEP = 2, STEEP_TURNS = 30, STEEP_PLACES = 3 };
+enum { SAMPLES_OF_STEP = 2, STEEP_TURNS = 30, STEEP_PLACES = 3 };
 /* As in missed_events.py: an instant is found where a value is this share of what it is at both ends; a function rests that is the
    same to this share, or differs by nothing; places are ends of a step that are closer to them than this share of it. */
 #define STEEP_ZERO 1e-12
@@ -15,12 +15,12 @@ enum { LOOKS_OF_STEP = 2, STEEP_TURNS = 30, STEEP_PLACES = 3 };
 #define STEEP_REST 0.25
 #define STEEP_NEAR 1e-6
 
-struct acausal_looks {
-  int ready;              /* whether the looks at this step are taken */
-  casadi_int look, column; /* where the search has come to: columns, then their middles */
+struct acausal_samples {
+  int ready;              /* whether the samples at this step are taken */
+  casadi_int sample, column; /* where the search has come to: columns, then their middles */
   casadi_int count;       /* places that were found there and not yet taken */
   casadi_real places[STEEP_PLACES];
-  casadi_real end;        /* of the step of which the last look is known */
+  casadi_real end;        /* of the step of which the last sample is known */
 };
 
 /* The rates of the polynomial of a step. */
@@ -38,79 +38,79 @@ static void acausal_rate(struct casadi_ivp_data* d, casadi_real t, casadi_real* 
 }
 
 /* Columns, slopes, functions and their relative rates at a time of the step; `y` and `f` are memory for states and rates. */
-static int acausal_look_at(struct casadi_ivp_data* d, struct acausal_run* run, casadi_real t, casadi_real* y, casadi_real* f,
+static int acausal_sample_at(struct casadi_ivp_data* d, struct acausal_run* run, casadi_real t, casadi_real* y, casadi_real* f,
                            casadi_real* found) {
   casadi_int k;
   casadi_ivp_interpolate(d, t, y);
   acausal_rate(d, t, f);
-  if (run->look(run->looker, t, y, f, found)) return 1;
+  if (run->sample(run->sampler, t, y, f, found)) return 1;
   for (k = 0; k < 2 * run->columns; ++k)
     if (!casadi_ivp_isfinite(found[k])) return 1;
   return 0;
 }
 
-static casadi_int acausal_look_size(const struct acausal_run* run) { return 2 * run->columns + 3 * run->functions; }
+static casadi_int acausal_sample_size(const struct acausal_run* run) { return 2 * run->columns + 3 * run->functions; }
 
-/* What was found at a look of the step; the one behind the last is that of a place. */
-static casadi_real* acausal_found(const struct acausal_run* run, casadi_int look) {
-  return run->looked + look * acausal_look_size(run);
+/* What was found at a sample of the step; the one behind the last is that of a place. */
+static casadi_real* acausal_found(const struct acausal_run* run, casadi_int sample) {
+  return run->sampled + sample * acausal_sample_size(run);
 }
 
-static casadi_real acausal_look_time(const struct casadi_ivp_data* d, casadi_int look) {
-  return look == LOOKS_OF_STEP ? d->t : d->t0 + look * (d->t - d->t0) / LOOKS_OF_STEP;
+static casadi_real acausal_sample_time(const struct casadi_ivp_data* d, casadi_int sample) {
+  return sample == SAMPLES_OF_STEP ? d->t : d->t0 + sample * (d->t - d->t0) / SAMPLES_OF_STEP;
 }
 
-/* The looks at a step; 1 where they cannot be taken. */
-static int acausal_looks(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_real* y,
+/* The samples at a step; 1 where they cannot be taken. */
+static int acausal_samples(struct casadi_ivp_data* d, struct acausal_samples* l, struct acausal_run* run, casadi_real* y,
                          casadi_real* f) {
   casadi_int k = 0;
-  if (l->end == d->t0) { /* the last look of the step before */
-    casadi_copy(acausal_found(run, LOOKS_OF_STEP), acausal_look_size(run), acausal_found(run, 0));
+  if (l->end == d->t0) { /* the last sample of the step before */
+    casadi_copy(acausal_found(run, SAMPLES_OF_STEP), acausal_sample_size(run), acausal_found(run, 0));
     k = 1;
   }
-  l->look = l->column = l->count = 0;
+  l->sample = l->column = l->count = 0;
   l->end = NAN;
-  for (; k <= LOOKS_OF_STEP; ++k)
-    if (acausal_look_at(d, run, acausal_look_time(d, k), y, f, acausal_found(run, k))) return 1;
+  for (; k <= SAMPLES_OF_STEP; ++k)
+    if (acausal_sample_at(d, run, acausal_sample_time(d, k), y, f, acausal_found(run, k))) return 1;
   l->end = d->t;
   return 0;
 }
 
-/* Whether the function of a column is another at the place that was looked at last than at the looks around. */
-static int acausal_moves(const struct acausal_run* run, casadi_int look, casadi_int column) {
+/* Whether the function of a column is another at the place that was sampled last than at the samples around. */
+static int acausal_moves(const struct acausal_run* run, casadi_int sample, casadi_int column) {
   casadi_int first = 2 * run->columns + 2 * run->owners[column], k, side;
-  const casadi_real* there = acausal_found(run, LOOKS_OF_STEP + 1) + first;
+  const casadi_real* there = acausal_found(run, SAMPLES_OF_STEP + 1) + first;
   for (side = 0; side < 2; ++side) {
-    const casadi_real* around = acausal_found(run, look + side) + first;
+    const casadi_real* around = acausal_found(run, sample + side) + first;
     for (k = 0; k < 2; ++k)
       if (!(fabs(around[k] - there[k]) <= STEEP_QUIET * fabs(there[k]) + STEEP_NOTHING)) return 1;
   }
   return 0;
 }
 
-/* Whether the function of a column cannot become another within `width` of the place that was looked at last: by its rates
-   there and at the looks around it changes by next to nothing. Slopes of what rests change their sign all the time, by
-   rounding: of BreakthroughSurge 63 000 looks of 70 000 were for such zeros, of which 14 of 3800 were kept. */
-static int acausal_rests(const struct acausal_run* run, casadi_int look, casadi_int column, casadi_real width) {
+/* Whether the function of a column cannot become another within `width` of the place that was sampled last: by its rates
+   there and at the samples around it changes by next to nothing. Slopes of what rests change their sign all the time, by
+   rounding: of BreakthroughSurge 63 000 samples of 70 000 were for such zeros, of which 14 of 3800 were kept. */
+static int acausal_rests(const struct acausal_run* run, casadi_int sample, casadi_int column, casadi_real width) {
   casadi_int rate = 2 * (run->columns + run->functions) + run->owners[column], k;
   for (k = 0; k < 3; ++k)
-    if (!(acausal_found(run, k == 2 ? LOOKS_OF_STEP + 1 : look + k)[rate] * width <= STEEP_REST * STEEP_QUIET)) return 0;
-  return !acausal_moves(run, look, column);
+    if (!(acausal_found(run, k == 2 ? SAMPLES_OF_STEP + 1 : sample + k)[rate] * width <= STEEP_REST * STEEP_QUIET)) return 0;
+  return !acausal_moves(run, sample, column);
 }
 
-/* Where entry `at` of what is found at a look is zero between two times, at which it is `ga` and `gb` of other signs; any
+/* Where entry `at` of what is found at a sample is zero between two times, at which it is `ga` and `gb` of other signs; any
    time between them where the function of its column rests. */
-static casadi_real acausal_zero(struct casadi_ivp_data* d, struct acausal_run* run, casadi_int look, casadi_int at,
+static casadi_real acausal_zero(struct casadi_ivp_data* d, struct acausal_run* run, casadi_int sample, casadi_int at,
                                 casadi_real a, casadi_real ga, casadi_real b, casadi_real gb, casadi_real* y, casadi_real* f) {
-  casadi_real small = STEEP_ZERO * fmax(fabs(ga), fabs(gb)), t = a, g, *found = acausal_found(run, LOOKS_OF_STEP + 1);
+  casadi_real small = STEEP_ZERO * fmax(fabs(ga), fabs(gb)), t = a, g, *found = acausal_found(run, SAMPLES_OF_STEP + 1);
   int turn, before = 2;
   for (turn = 0; turn < STEEP_TURNS; ++turn) {
     int same;
     t = ga == gb ? a : a + (b - a) * ga / (ga - gb);
-    if (acausal_look_at(d, run, t, y, f, found)) return NAN;
+    if (acausal_sample_at(d, run, t, y, f, found)) return NAN;
     g = found[at];
     if (fabs(g) <= small || b - a <= STEEP_ZERO * fabs(d->h)) break;
-    if (acausal_rests(run, look, at % run->columns, b - a)) break;
+    if (acausal_rests(run, sample, at % run->columns, b - a)) break;
     same = (g < 0) == (ga < 0);
     if (same) { a = t; ga = g; if (before == 1) gb *= 0.5; } /* what stays for a second time counts half (Illinois) */
     else { b = t; gb = g; if (before == 0) ga *= 0.5; }
@@ -120,41 +120,41 @@ static casadi_real acausal_zero(struct casadi_ivp_data* d, struct acausal_run* r
 }
 
 /* Keep a zero between two times as a place, if something may come and go there; 1 where it is not known. */
-static int acausal_keep(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_int column,
+static int acausal_keep(struct casadi_ivp_data* d, struct acausal_samples* l, struct acausal_run* run, casadi_int column,
                         casadi_real t) {
   casadi_real near = STEEP_NEAR * (d->t - d->t0);
   if (!casadi_ivp_isfinite(t)) return 1;
-  if (t - d->t0 > near && d->t - t > near && acausal_moves(run, l->look, column)) l->places[l->count++] = t;
+  if (t - d->t0 > near && d->t - t > near && acausal_moves(run, l->sample, column)) l->places[l->count++] = t;
   return 0;
 }
 
-/* Search the next column between two looks; 1 where that fails. */
-static int acausal_search(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_real* y,
+/* Search the next column between two samples; 1 where that fails. */
+static int acausal_search(struct casadi_ivp_data* d, struct acausal_samples* l, struct acausal_run* run, casadi_real* y,
                           casadi_real* f) {
   casadi_int n = run->columns, j = l->column++, column = j < n ? j : j - n, at = j < n ? n + j : column;
-  const casadi_real *left = acausal_found(run, l->look), *right = acausal_found(run, l->look + 1);
+  const casadi_real *left = acausal_found(run, l->sample), *right = acausal_found(run, l->sample + 1);
   casadi_real a, b, t, top;
   if ((left[at] < 0) == (right[at] < 0) || (j >= n && column < run->functions && run->owners[column] == column)) return 0;
-  a = acausal_look_time(d, l->look); b = acausal_look_time(d, l->look + 1);
-  t = acausal_zero(d, run, l->look, at, a, left[at], b, right[at], y, f);
+  a = acausal_sample_time(d, l->sample); b = acausal_sample_time(d, l->sample + 1);
+  t = acausal_zero(d, run, l->sample, at, a, left[at], b, right[at], y, f);
   if (acausal_keep(d, l, run, column, t)) return 1;
-  top = acausal_found(run, LOOKS_OF_STEP + 1)[column];
+  top = acausal_found(run, SAMPLES_OF_STEP + 1)[column];
   if (j >= n || column < run->functions || !(top * left[column] < 0 && top * right[column] < 0)) return 0;
   /* a middle that turns beyond zero is zero on both sides of this */
-  if (acausal_keep(d, l, run, column, acausal_zero(d, run, l->look, column, a, left[column], t, top, y, f))) return 1;
-  return acausal_keep(d, l, run, column, acausal_zero(d, run, l->look, column, t, top, b, right[column], y, f));
+  if (acausal_keep(d, l, run, column, acausal_zero(d, run, l->sample, column, a, left[column], t, top, y, f))) return 1;
+  return acausal_keep(d, l, run, column, acausal_zero(d, run, l->sample, column, t, top, b, right[column], y, f));
 }
 
 /* The next place in a step, INFINITY where there is none any more, NAN where that is not known. */
-static casadi_real acausal_place(struct casadi_ivp_data* d, struct acausal_looks* l, struct acausal_run* run, casadi_real* y,
+static casadi_real acausal_place(struct casadi_ivp_data* d, struct acausal_samples* l, struct acausal_run* run, casadi_real* y,
                                  casadi_real* f) {
   if (!l->ready) {
-    if (acausal_looks(d, l, run, y, f)) return NAN;
+    if (acausal_samples(d, l, run, y, f)) return NAN;
     l->ready = 1;
   }
   while (!l->count) {
-    if (l->column == 2 * run->columns) { l->column = 0; ++l->look; }
-    if (l->look == LOOKS_OF_STEP) return INFINITY;
+    if (l->column == 2 * run->columns) { l->column = 0; ++l->sample; }
+    if (l->sample == SAMPLES_OF_STEP) return INFINITY;
     if (acausal_search(d, l, run, y, f)) return NAN;
   }
   return l->places[--l->count];

@@ -11,7 +11,7 @@ static int lingers(const struct event_loop* s, const struct space* o) {
   return 0;
 }
 
-/* A row, or only a look, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
+/* A row, or only a mesh point, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
 static void reached(struct event_loop* s, struct space* o, count_t* k) {
   count_t j;
   if (o->asked[*k] & ROW) record(s, o->wide[*k], o->node[0].x);
@@ -94,12 +94,12 @@ static count_t mesh_points(const struct event_loop* s, double span) {
 static int stretch(struct event_loop* s, struct space* o) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
   count_t from = s->segment ? s->times_end[s->segment - 1] : 0, until = s->times_end[s->segment];
-  count_t points = s->relations ? mesh_points(s, end - s->here) : 1, look = 1; /* the end is always one */
+  count_t points = s->relations ? mesh_points(s, end - s->here) : 1, mesh = 1; /* the end is always one */
   count_t wide = 0, k, steps = s->steps;
   double time;
   int changed = 0, found = 0;
   s->begun = s->steps;
-  s->run.doubts = s->run.look ? 0 : 1;
+  s->run.doubts = s->run.sample ? 0 : 1;
   o->step = s->first;
   if (!s->fresh)
     while (from < until && !(s->times[from] > s->here + far)) ++from;
@@ -119,13 +119,13 @@ static int stretch(struct event_loop* s, struct space* o) {
       ? most(-BEHIND * o->g[k], 0.0) : o->later[k];
     o->never[k] = NEVER;
   }
-  for (k = from; k < until || look <= points;) { /* outputs and mesh points, merged */
-    double at = look < points ? s->here + (end - s->here) * look / points : end;
-    if (look <= points && (k == until || at <= s->times[k])) {
+  for (k = from; k < until || mesh <= points;) { /* outputs and mesh points, merged */
+    double at = mesh < points ? s->here + (end - s->here) * mesh / points : end;
+    if (mesh <= points && (k == until || at <= s->times[k])) {
       int is_row = k < until && at == s->times[k];
-      o->asked[wide] = (unsigned char) (is_row ? LOOK | ROW : LOOK);
+      o->asked[wide] = (unsigned char) (is_row ? MESH | ROW : MESH);
       k += is_row;
-      ++look;
+      ++mesh;
     } else {
       at = s->times[k++];
       o->asked[wide] = ROW;
@@ -144,7 +144,7 @@ static int stretch(struct event_loop* s, struct space* o) {
     int status;
     /* where guards may go farther at first, up to the first row only */
     if (k || !memcmp(o->band, o->later, (size_t) s->relations * sizeof(double)))
-      while (!(o->asked[last] & LOOK)) ++last;
+      while (!(o->asked[last] & MESH)) ++last;
     status = integrate(s, o, &k, last, &found);
     if (status) return status;
     if (found && k == wide - 1 && end - o->node[0].t <= as_one(s, end)) {
@@ -249,11 +249,11 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   o.res = malloc(sizeof(double*) * (size_t) o.results);
   o.iw = malloc(sizeof(casadi_int) * (size_t) (sizes[2] + 1));
   o.flips = malloc(sizeof(count_t) * (size_t) (s->relations + 1));
-  s->run.look = 0;
+  s->run.sample = 0;
 #ifdef STEEP
-  struct looker looker;
-  memset(&looker, 0, sizeof(looker));
-  if (s->columns && s->step <= 0 && watching(s, &looker)) status = UNUSUAL;
+  struct sampler sampler;
+  memset(&sampler, 0, sizeof(sampler));
+  if (s->columns && s->step <= 0 && sampler_of(s, &sampler)) status = UNUSUAL;
 #endif
   if (memory && bytes && o.arg && o.res && o.iw && o.flips) {
     carved(s, &o, memory, wide);
@@ -275,8 +275,8 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
     }
   } else status = UNUSUAL;
 #ifdef STEEP
-  free(looker.arg); free(looker.res); free(looker.iw); free(looker.w);
-  s->run.look = 0;
+  free(sampler.arg); free(sampler.res); free(sampler.iw); free(sampler.w);
+  s->run.sample = 0;
 #endif
   free(memory); free(bytes); free(o.arg); free(o.res); free(o.iw); free(o.flips);
   return status;
