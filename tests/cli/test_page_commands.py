@@ -11,10 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.running import ROOT, run
-from tests.test_pages import run as executed
+from tests.cli.running import run
+from tests.pages import DOCS, blocks
+from tests.pages import run as executed
 
-DOCS = ROOT / "docs"
 # The pages' own models; the others are run in their sizes by tests of their verbs.
 PAGES = ("tutorial/1-first-model", "how-to/family-of-curves", "how-to/measured-data", "finding", "explorer", "diagrams")
 
@@ -27,12 +27,11 @@ def commands(text: str) -> Iterator[str]:
                 yield line.removeprefix("$ ")
 
 
-def module(text: str) -> str:
+def module(page: str) -> str:
     """Imports and classes of a page, as a reader puts them into a file."""
-    cells = re.findall(r"^```\{code-cell\}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
     kept = [
         ast.get_source_segment(cell, node) or ""
-        for cell in cells
+        for cell in blocks(page, "{code-cell}")
         for node in ast.parse(cell).body
         if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef)
     ]
@@ -42,15 +41,15 @@ def module(text: str) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_commands_of_pages_run(name: str) -> None:
-    page = DOCS / f"{name}.md"
-    text = page.read_text(encoding="utf-8")
+    page = f"{name}.md"
+    text = (DOCS / page).read_text(encoding="utf-8")
     lines = list(commands(text))
     assert lines
     written = set(re.findall(r"^acausal new (\S+)", "\n".join(lines), re.MULTILINE))
     for file in set(re.findall(r"\b\w+\.py\b", "\n".join(lines))) - written:
-        Path(file).write_text(module(text), encoding="utf-8")
+        Path(file).write_text(module(page), encoding="utf-8")
     if "push.csv" in text:
-        shutil.copy(executed(page)["folder"] / "push.csv", "push.csv")
+        shutil.copy(executed(page, "{code-cell}")["folder"] / "push.csv", "push.csv")
     for line in lines:
         outcome = run(*shlex.split(line)[1:])
         # The comparison on the page is of a model before it is fitted: out of tolerance.
