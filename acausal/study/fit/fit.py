@@ -147,6 +147,7 @@ def fit(
     values = parameters if isinstance(model, CompiledModel) else None
     sets = [d if isinstance(d, Dataset) else Dataset(d) for d in (data if isinstance(data, list | tuple) else [data])]
     unknown = _make_unknowns(compiled, free, values or {})
+    _check_sets(sets, unknown.names)
     wanted = {"tolerance": tolerance or min(compiled.flat.experiment.tolerance, _TOLERANCE), "solver": solver}
     wanted |= {"native": native}
     common = Dataset(None, inputs or {}, start or {}, values or {})
@@ -182,6 +183,17 @@ def _make_unknowns(
         units.append(base.declaration.unit)
         rows.append((guess, low, high))
     return Unknowns(names, tuple(units), *np.array(rows, dtype=np.float64).T)
+
+
+def _check_sets(sets: Sequence[Dataset], free: tuple[str, ...]) -> None:
+    """Raise UsageError AC056 where a data set has its own value of a parameter that all share."""
+    for name in (n for d in sets for n in d.parameters):
+        if name in free or any(f.startswith(f"{name}[") for f in free):
+            raise UsageError(
+                "AC056",
+                f"{name} is free and has one value in all experiments, but a data set gives it its own",
+                help="leave it out of the data set, or out of `free`; where the search begins stands in `parameters`",
+            )
 
 
 def _unfit(compiled: CompiledModel, name: str, known: bool, free: list[str]) -> UsageError:

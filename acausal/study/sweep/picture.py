@@ -78,7 +78,9 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
                 ax.set_title(docs[name], loc="left")
         axes[-1].set_xlabel(f"Time {clock.label}")
         if is_ok.sum() > _SEEN:
-            figure.legend(*axes[0].get_legend_handles_labels(), title="of all members", loc="outside right upper")
+            ended = any(np.isnan(rows[is_ok]).any() for rows in families)
+            of = "of members that still run" if ended else "of all members"
+            figure.legend(*axes[0].get_legend_handles_labels(), title=of, loc="outside right upper")
         else:
             _key(figure, axes, sweep, coloured, values[is_ok])
             if styled is not None:

@@ -236,6 +236,11 @@ CASES: dict[str, tuple[Callable[[], object], str, str]] = {
     "outside its limits": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, {"a": (1.0, 2.0)}), "AC056", "begins at 0.5"),
     "too few values": (lambda: fit(Line(), {"y": (TIMES[:2], TIMES[:2])}, ["a", "b"]), "AC057", "2 measured values"),
     "before the start": (lambda: fit(Line(), {"y": (TIMES - 1.0, TIMES)}, ["a"]), "AC011", "-1 s"),
+    "a value of its own": (
+        lambda: fit(Line(), [Dataset({"y": (TIMES, TIMES)}, parameters={"a": float(k)}) for k in (1, 2)], ["a"]),
+        "AC056",
+        "one value in all experiments",
+    ),
     "no deviation": (lambda: fit(Line(), Dataset({"y": (TIMES, TIMES)}, sigma={"y": 0.0}), ["a"]), "AC055", "sigma"),
 }
 
