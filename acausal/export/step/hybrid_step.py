@@ -1,13 +1,14 @@
 """One step of a model with events as expressions, with bounded work whatever happens in it.
 
-A step starts with its current modes. If a relation is crossed, the first crossing is located (six steps of the regula
-falsi of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, on interpolated states), the event iteration runs there, and
-a second, shorter step goes to the end. There the event iteration runs again, for time events, samples, and relations
-crossed after the first. A single event in a step therefore does not reduce the order (order two for implicit methods,
-which interpolate linearly). A second one acts at the end of the step, an error of the order of the step, and a relation
-crossed twice within a step, there and back, is missed. Both are detected and reported by a flag: guards below zero at
-the end of the second part, guards that fall at one end of a part and rise at the other with a negative minimum in
-between, and guards that are far from smooth between the ends of a part.
+A step starts with its current modes. Relations that an input has changed flip at once. If one is crossed, the first
+crossing is located (nine steps of the regula falsi of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, for the least
+of all guards on interpolated states), the event iteration runs there, and a second, shorter step goes to the end. There
+the event iteration runs again, for time events, samples, and relations crossed after the first. A single event in a
+step therefore does not reduce the order (order two for implicit methods, which interpolate linearly). A second one acts
+at the end of the step, an error of the order of the step, and a relation crossed twice within a step, there and back,
+is missed. Both are detected and reported by a flag: guards below zero at the end of the second part, guards that fall
+at one end of a part and rise at the other with a negative minimum in between, guards that are far from smooth between
+the ends of a part, and a crossing that the search has not confined to 1e-4 of the step.
 
 Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, even elastic ones: the
 state that the `when` resets, and the states it drives, are put on the guard. A note says so. Both parts are computed in
@@ -44,7 +45,9 @@ from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.record.checks import WHOLE, integers
 from acausal.simulate.solvers.segment import Tolerances
 
-_LOCATING = 6
+# Evaluations of the search for an event. The last but one lies beside its secant, by the bracket, towards the farther
+# end, and the last one behind it; the bracket, by the step, that counts as found.
+_LOCATING, _ASIDE, _BEYOND, _CLOSED = 9, 1e-4, 1e-6, 1e-4
 # Relative positions inside a part of a step at which guards are evaluated, and relative deviation from the cubic
 # between its ends of a guard that oscillates within it.
 _INSIDE = (0.1813, 0.4377, 0.6481, 0.8342)
@@ -219,7 +222,8 @@ class HybridStep:
         """Function `(t, x, z, u, p, m) -> (x, z after the step, share, instant, x, z there, m flipped, marks, seen)`.
 
         It locates the first relation that is crossed, at the relative position `share` (1: none). For each relation,
-        `marks` tells whether it is that one, whether it rests on its guard, its distance, and its rate at the start.
+        `marks` tells whether it is that one, whether it rests on its guard or leaves it, its distance, and its rate at
+        the start.
         `seen` is true if no relation was crossed there and back before, and the located one does not rest.
         """
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
@@ -230,21 +234,32 @@ class HybridStep:
         # a body at rest that is pressed against its guard does not bounce again
         rate, noise = settling.rates(t, x, z, *held)
         impacts = {i.relation for i in self._impacts}
-        resting = [
-            ca.logic_and(ca.fabs(g0[k]) <= noise[k], rate[k] <= noise[k]) if k in impacts else ca.SX(0)
-            for k in range(g0.numel())
-        ]
+        touching = [ca.fabs(g0[k]) <= noise[k] if k in impacts else ca.SX(0) for k in range(g0.numel())]
+        resting = [ca.logic_and(on, rate[k] <= noise[k]) for k, on in enumerate(touching)]
+        launched = [ca.logic_and(on, rate[k] > noise[k]) for k, on in enumerate(touching)]
+        # an input that has changed changes relations at once
+        begun = [ca.logic_and(g0[k] < -2 * noise[k], ca.logic_not(resting[k])) for k in range(g0.numel())]
+        x1 = self._rested(t + self.h, x1, z1, held, resting)
+        g1 = watch(t + self.h, x1, z1, *held)
         passed = [ca.logic_and(ca.logic_and(g0[k] > 0, g1[k] < 0), ca.logic_not(resting[k])) for k in range(g0.numel())]
-        theta, chosen = self._crossing(s, x1, z1, g0, g1, passed)
+        theta, chosen, is_found = self._crossing(s, x1, z1, g0, g1, passed)
+        at_once = any_of(begun)
+        theta = ca.if_else(at_once, 0, theta)
+        chosen = [ca.if_else(at_once, begun[k], one) for k, one in enumerate(chosen)]
+        unseen = any_of(
+            ca.logic_and(g1[k] < 0, ca.logic_not(any_of((passed[k], resting[k])))) for k in range(len(chosen))
+        )
+        unseen = ca.logic_and(theta >= 1, unseen)
         at = t + theta * self.h
         xe, ze = self._between(t, x, z, x1, z1, held, theta)
+        xe = self._rested(at, xe, ze, held, resting)
         flipped = ca.SX(m)
         for k, j in enumerate(range(settling.relations.start, settling.relations.stop)):
             flipped[j] = ca.if_else(chosen[k], 1 - m[j], m[j])
-        marks = ca.vertcat(*chosen, *resting, g0, rate)
+        marks = ca.vertcat(*chosen, *resting, *launched, g0, rate)
         jumps = (ca.logic_and(chosen[k], _rests(g0[k], g1[k])) for k in sorted(self.compiled.state_events.resting))
-        missed = ca.logic_or(self._dips(t, self.h, x, z, x1, z1, held, theta), any_of(jumps))
-        seen = ca.logic_not(missed)
+        missed = any_of((self._dips(t, self.h, x, z, x1, z1, held, theta), unseen, *jumps))
+        seen = ca.logic_and(is_found, ca.logic_not(missed))
         found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen)]
         outputs: list[Any] = ca.cse(found)
         return ca.Function("reached", s.inputs, outputs)
@@ -256,31 +271,44 @@ class HybridStep:
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
         count = len(self.compiled.state_events.relations)
-        like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(4 * count, 1)]
+        like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(5 * count, 1)]
         given = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(like)]
         x1, z1, theta, at, xe, ze, me, marks = given
-        chosen, resting, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 4
+        chosen, resting, launched, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 5
         rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
         x2, z2 = self.method.step(at, rest, xe, ze, [u, p, me])
         away = settling.rates(at, xe, ze, *held)[0]
         behind = watch(t + self.h, x2, z2, u, p, me) < 0
         passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
         passed = ca.logic_or(passed, self._dips(at, rest, xe, ze, x2, z2, [u, p, me], 1))
-        seen = ca.logic_not(ca.logic_and(theta < 1, passed))
+        missed = ca.logic_and(theta < 1, passed)
         x, z, new = (ca.if_else(theta < 1, a, b) for a, b in ((x2, x1), (z2, z1), (me, m)))
         new = ca.SX(new)
         for impact in self._impacts:
             k = impact.relation
             g = watch(t + self.h, x, z, *held)[k]
             fired = ca.logic_and(chosen[k], away[k] >= -1e-6 * ca.fabs(rate[k]))
-            rests = ca.logic_and(ca.logic_or(resting[k], fired), g < 0)
+            rests = ca.logic_and(any_of((resting[k], launched[k], fired)), g < 0)
             onto, still = impact.onto(t + self.h, x, z, *held)
             # the second impact of a step acts at its end: put the state back onto the guard first
             second = ca.logic_and(ca.logic_and(g0[k] > 0, g < 0), ca.logic_not(chosen[k]))
+            missed = any_of((missed, second, ca.logic_and(rests, ca.logic_not(resting[k]))))
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
             new[j] = ca.if_else(rests, m[j], new[j])
-        return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse([ca.densify(v) for v in (x, z, new, seen)]))
+        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed))]
+        return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse(found))
+
+    def _rested(self, t: Any, x: Any, z: Any, held: Sequence[Any], resting: Sequence[Any]) -> Any:
+        """States x with those of bodies at rest on their guards, which a step without contact lets fall.
+
+        Else any other event of the step would find them fallen, and their `when`s act once more.
+        """
+        for impact in self._impacts:
+            k = impact.relation
+            g, noise = self.compiled.events.watch(t, x, z, *held)[k], self.settling.rates(t, x, z, *held)[1][k]
+            x = ca.if_else(ca.logic_and(resting[k], g <= noise), impact.onto(t, x, z, *held)[1], x)
+        return x
 
     def _dips(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> Any:
         """Whether a guard that is positive at both ends of a part may be crossed there and back up to `share`.
@@ -318,31 +346,47 @@ class HybridStep:
                 found.append(ca.logic_and(outside, ca.logic_or(inside[k] < -noise[k], jagged)))
         return any_of(found)
 
-    def _crossing(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, list[Any]]:
-        """(Relative position of the first crossed guard, 1 for none; mask of that guard)."""
-        first: Any = ca.SX(1)
-        secants = [ca.if_else(passed[k], g0[k] / (g0[k] - g1[k]), 2) for k in range(g0.numel())]
-        for secant in secants:
-            first = ca.fmin(first, secant)
-        chosen = [ca.logic_and(passed[k], secants[k] <= first) for k in range(g0.numel())]
-        share, which = ca.SX.sym("share"), ca.SX.sym("which", len(chosen))
-        xb, zb = ca.SX.sym("x1", x1.numel()), ca.SX.sym("z1", z1.numel())
+    def _crossing(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, Any, Any]:
+        """(Relative position of the first crossed guard, 1 for none; mask of those crossed there; whether it is found).
+
+        The root of the least of all crossed guards, each by its size at the start: the guard with the first secant need
+        not be the first one to be crossed. The retained end of the bracket is scaled only when it is retained again,
+        and the last points lie beside their secants, so that both ends are near the root.
+        """
+        if not passed:
+            return ca.SX(1), [], ca.SX(1)
+        share, xb, zb = ca.SX.sym("share"), ca.SX.sym("x1", x1.numel()), ca.SX.sym("z1", z1.numel())
         held = [s.u, s.p, s.m]
         between = self._between(s.t, s.x, s.z, xb, zb, held, share)
         g = self.compiled.events.watch(s.t + share * self.h, *between, *held)
-        here = ca.Function("here", [share, *s.inputs, xb, zb, which], [ca.dot(g, which)])
-        given = [*s.inputs, x1, z1, ca.vertcat(*chosen)]
-        a, b = ca.SX(0), ca.SX(1)
-        fa, fb = (ca.dot(v, given[-1]) for v in (g0, g1))
-        for _ in range(_LOCATING):
-            c = (a * fb - b * fa) / ca.if_else(fb == fa, 1, fb - fa)
-            fc = here(c, *given)
+        here = ca.Function("here", [share, *s.inputs, xb, zb], [ca.densify(g)])
+        some = any_of(passed)
+
+        def least(values: Any) -> Any:
+            found: Any = ca.SX(1)
+            for k, is_passed in enumerate(passed):
+                found = ca.fmin(found, ca.if_else(is_passed, values[k] / ca.if_else(is_passed, g0[k], 1), 1))
+            return found
+
+        a, b, fa, fb, at_b, side = ca.SX(0), ca.SX(1), ca.SX(1), least(g1), g1, ca.SX(0)
+        for k in range(_LOCATING):
+            c = (a * fb - b * fa) / ca.if_else(some, fb - fa, 1)
+            if k == _LOCATING - 2:
+                c = c + _ASIDE * (b - a) * ca.if_else(c - a < b - c, 1, -1)
+            elif k == _LOCATING - 1:
+                c = ca.fmin(b, c + _BEYOND * (b - a))
+            at_c = here(c, *s.inputs, x1, z1)
+            fc = least(at_c)
             before = fc > 0
-            less_b, less_a = (f * _weight(fc / ca.if_else(o == 0, 1, o)) for f, o in ((fb, fa), (fa, fb)))
+            less_b = ca.if_else(side > 0, fb * _weight(fc / fa), fb)
+            less_a = ca.if_else(side < 0, fa * _weight(fc / ca.if_else(fb == 0, 1, fb)), fa)
             fa, fb = ca.if_else(before, fc, less_a), ca.if_else(before, less_b, fc)
+            at_b, side = ca.if_else(before, at_b, at_c), ca.if_else(before, 1, -1)
             a, b = ca.if_else(before, c, a), ca.if_else(before, b, c)
+        chosen = [ca.logic_and(is_passed, at_b[k] <= 0) for k, is_passed in enumerate(passed)]
         # the end of the bracket where the relation has changed: at the other it would change back
-        return ca.if_else(first < 1, ca.fmin(b, 1 - TICK), 1), chosen
+        theta = ca.if_else(some, ca.fmin(b, 1 - TICK), 1)
+        return theta, chosen, ca.logic_or(ca.logic_not(some), b - a < _CLOSED)
 
     def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:
         """States within a step: cubic, or linear for implicit methods, whose rates may be those of fast transients.
