@@ -145,10 +145,10 @@ def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, li
     unit = np.eye(chain.size, n)
     x = unit if whole else np.random.default_rng(1).standard_normal((chain.size, _DIRECTIONS))
     times, maps = [chain.passages[0].time], [x[:n]] if not whole else []
-    for k, passage in enumerate(chain.passages):
+    for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
         if k:
-            x = chain.event(passage)[0] @ x
+            x = chain.event(k)[0] @ x
         if stretch.end <= stretch.start:
             continue
         count = max(1, round(_PARTS * (stretch.end - stretch.start) / span))

@@ -53,7 +53,8 @@ class Chain:
         self.stop = run.hybrid.recorder.time
         self.slopes = Slopes(run.compiled, run.p, run.u, chosen)
         first = self.passages[0].time
-        self.event = Saltation(self.slopes, run.hybrid, first, self.stop - first)
+        self._saltation = Saltation(self.slopes, run.hybrid, first, self.stop - first)
+        self._events: dict[int, tuple[Vector, Vector, Vector, Vector]] = {}
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.stiffness, self.native = Stiffness(), run.options.native
         self.asked: list[tuple[Accuracy, list[int], Vector]] = []
@@ -82,13 +83,19 @@ class Chain:
         far = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
         return np.asarray(marks[far])
 
+    def event(self, k: int) -> tuple[Vector, Vector, Vector, Vector]:
+        """The maps over passage `k`, see `Saltation`."""
+        if k not in self._events:
+            self._events[k] = self._saltation(self.passages[k])
+        return self._events[k]
+
     @cached_property
     def scale(self) -> Vector:
         """Largest variations of the carried variables over the run, roughly, shape (size, count)."""
         x, own = self.start(), Stiffness()
         largest = np.abs(x)
-        for k, passage in enumerate(self.passages):
-            by_x, by_p, *_ = self.event(passage)
+        for k in range(len(self.passages)):
+            by_x, by_p, *_ = self.event(k)
             x = by_x @ x + by_p
             largest = np.maximum(largest, np.abs(x))
             stretch = self.stretch(k)
@@ -136,8 +143,8 @@ class Chain:
     def _forward(self) -> tuple[Vector, Vector]:
         x = self.start()
         of_times = np.zeros((len(self.passages), self.count))
-        for k, passage in enumerate(self.passages):
-            by_x, by_p, time_x, time_p = self.event(passage)
+        for k in range(len(self.passages)):
+            by_x, by_p, time_x, time_p = self.event(k)
             of_times[k] = time_x @ x + time_p
             x = by_x @ x + by_p
             if k == self.terminal:
@@ -151,8 +158,8 @@ class Chain:
     def variations(self, k: int, t: float) -> Vector:
         """Variations of the carried variables at an instant [s] of stretch `k`, shape (size, count)."""
         x = self.start()
-        for j, passage in enumerate(self.passages[: k + 1]):
-            by_x, by_p, *_ = self.event(passage)
+        for j in range(k + 1):
+            by_x, by_p, *_ = self.event(j)
             x = by_x @ x + by_p
             if j < k:
                 x = self.stretch(j).forward(x)
@@ -175,7 +182,7 @@ class Chain:
         found = np.zeros((len(times), len(self.wanted), self.count))
         x = self.start()
         for k, passage in enumerate(self.passages):
-            by_x, by_p, *_ = self.event(passage)
+            by_x, by_p, *_ = self.event(k)
             x = by_x @ x + by_p
             last = k + 1 == len(self.passages)
             until = np.inf if last else self.passages[k + 1].time
@@ -206,8 +213,8 @@ class Chain:
     def is_fast(self) -> bool:
         """Whether a trajectory needs only compiled steps, or none; in Python it would cost as much as many runs."""
         still, regimes = not self.start().any(), [passage.happened.moment.regime for passage in self.passages]
-        for passage, regime in zip(self.passages, regimes, strict=True):
-            _, by_p, *_ = self.event(passage)
+        for k, regime in enumerate(regimes):
+            _, by_p, *_ = self.event(k)
             still = still and self.is_still(regime, by_p)
         return still or all(self.variation(regime).is_compiled(self.native) for regime in regimes)
 
@@ -264,8 +271,8 @@ class Chain:
 
     def _adjoint(self) -> tuple[Vector, Vector]:
         x, way = self.start(), []
-        for k, passage in enumerate(self.passages):
-            event = self.event(passage)
+        for k in range(len(self.passages)):
+            event = self.event(k)
             x, back = self.stretch(k).recorded(event[0] @ x + event[1])
             way.append((event, back))
         rows, total, y_t = self.output()

@@ -55,61 +55,98 @@ def refuse_jumps(chain: Chain) -> None:
     times, x, z, m = chain.hybrid.recorder.rows()
     levels = sides.levels(sides.function.many(times[:, None], x.T, z.T, chain.u, chain.p, m.T))
     changed = (levels[1:] != levels[:-1]) & (np.diff(times) > 0.0)[:, None]
-    for row, k in np.argwhere(changed).tolist():
-        t = _jump(chain, sides, k, tuple(times[row : row + 2].tolist()), x[:, row : row + 2], z[:, row])
-        if t is not None:
+    found = np.argwhere(changed)
+    if not len(found):
+        return
+    rows, places = found.T
+    crossings = _Crossings(chain, times, x, z, rows)
+    for i, s in enumerate(crossings.located(sides, places).tolist()):
+        if crossings.jumps(i, s):
             raise ExportError(
                 "AC615",
-                f"sensitivities do not take {chain.compiled.name}: at t = {t:.9g} s a rate jumps without an event",
-                evidence=[f"below no_event: {sides.texts[k]}"],
+                f"sensitivities do not take {chain.compiled.name}: at t = {crossings.instant(i, s):.9g} s a rate jumps "
+                "without an event",
+                evidence=[f"below no_event: {sides.texts[places[i]]}"],
                 cause="the instant of the jump moves with the parameters, and nothing locates it",
                 help="say it without no_event",
             )
 
 
-def _jump(chain: Chain, sides: _Sides, k: int, ends: tuple[float, float], x: Vector, z: Vector) -> float | None:
-    """Time [s] at which rates jump between two rows, when level k changes; None if they do not.
+class _Crossings:
+    """The run between n pairs of rows, by cubics; places are shares of an interval, from 0 to 1."""
 
-    `x`: states of both rows, shape (nx, 2); `z`: algebraic variables of the first, shape (nz,).
-    """
-    start, end = ends
-    gap = end - start
-    stretch = next(s for s in map(chain.stretch, reversed(range(len(chain.passages)))) if s.start <= start)
-    rates = [
-        gap * chain.slopes.rate(stretch.regime, t, Moment(x[:, j], z, stretch.m, stretch.regime))
-        for j, t in enumerate(ends)
-    ]
-
-    def at(s: float) -> Moment:
-        rise = x[:, 1] - x[:, 0]
-        bend = (1.0 - s) * (rates[0] - rise) - s * (rates[1] - rise)
-        found = Moment(x[:, 0] + s * rise + s * (1.0 - s) * bend, z, stretch.m, stretch.regime)
-        return chain.hybrid.iteration.consistent(start + s * gap, found)
-
-    def level(s: float) -> float:
-        here = at(s)
-        values = sides.function.many(
-            np.array([[start + s * gap]]), here.x[None], here.z[None], chain.u, chain.p, here.m[None]
+    def __init__(self, chain: Chain, times: Vector, x: Vector, z: Vector, rows: NDArray[np.int64]) -> None:
+        """From times (k,), states (nx, k) and algebraic variables (nz, k) of a run, at `rows`, (n,), and the next."""
+        self._chain, self._start, self._gap = chain, times[rows], times[rows + 1] - times[rows]
+        starts = np.array([passage.time for passage in chain.passages])
+        stretches = [chain.stretch(k) for k in range(len(starts))]
+        self._of = [stretches[k] for k in (np.searchsorted(starts, self._start, side="right") - 1).tolist()]
+        self._x, self._z = np.stack([x[:, rows].T, x[:, rows + 1].T]), z[:, rows].T
+        self._rates = np.stack(
+            [
+                [
+                    gap * chain.slopes.rate(own.regime, t, Moment(there, beside, own.m, own.regime))
+                    for own, t, gap, there, beside in zip(self._of, ends, self._gap, states, self._z, strict=True)
+                ]
+                for ends, states in zip((self._start, times[rows + 1]), self._x, strict=True)
+            ]
         )
-        return float(sides.levels(values)[0, k])
 
-    low, high, before = 0.0, 1.0, level(0.0)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if level(middle) == before else (low, middle)
-    differences = []
-    for share in (_FAR, _CLOSE):
-        # beyond the rows, too: at a touch on a row, both distances would end there, and a steep force look like a jump
-        left, right = (chain.slopes.rate(stretch.regime, start + s * gap, at(s)) for s in (low - share, low + share))
-        differences.append(np.abs(right - left))
-        size = np.abs(left) + np.abs(right)
-    states = np.maximum(np.abs(x).max(axis=1), chain.compiled.nominal_x)
-    jumps = (
-        (differences[1] > _ROUNDING * size)
-        & (differences[1] > _SHRINKS * differences[0])
-        & (gap * differences[1] > _NOTHING * states)
-    )
-    return start + low * gap if jumps.any() else None
+    def instant(self, i: int, s: float) -> float:
+        """Time [s] of a place of interval i."""
+        return float(self._start[i] + s * self._gap[i])
+
+    def located(self, sides: _Sides, places: NDArray[np.int64]) -> Vector:
+        """Where the level of each interval, at `places` among them, changes first, shape (n,): all at once."""
+        n = len(places)
+        u, p, m = self._chain.u, self._chain.p, np.array([own.m for own in self._of])
+
+        def level(s: Vector) -> Vector:
+            x = self._states(s)
+            z = self._z if not self._z.size else np.array([self._at(i, v).z for i, v in enumerate(s.tolist())])
+            values = sides.function.many((self._start + s * self._gap)[:, None], x, z, u, p, m)
+            return np.asarray(sides.levels(values)[np.arange(n), places])
+
+        low, high, before = np.zeros(n), np.ones(n), level(np.zeros(n))
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            is_before = level(middle) == before
+            low, high = np.where(is_before, middle, low), np.where(is_before, high, middle)
+        return low
+
+    def jumps(self, i: int, s: float) -> bool:
+        """Whether rates of interval i jump at a place."""
+        gap, regime = self._gap[i], self._of[i].regime
+        differences, size = [], np.zeros(0)
+        for share in (_FAR, _CLOSE):
+            # beyond the rows, too: at a touch on a row, both distances would end there, and a steep force look like a
+            # jump
+            left, right = (
+                self._chain.slopes.rate(regime, self.instant(i, there), self._at(i, there))
+                for there in (s - share, s + share)
+            )
+            differences.append(np.abs(right - left))
+            size = np.abs(left) + np.abs(right)
+        states = np.maximum(np.abs(self._x[:, i]).max(axis=0), self._chain.compiled.nominal_x)
+        found = (
+            (differences[1] > _ROUNDING * size)
+            & (differences[1] > _SHRINKS * differences[0])
+            & (gap * differences[1] > _NOTHING * states)
+        )
+        return bool(found.any())
+
+    def _states(self, s: Vector | float, of: int | slice = slice(None)) -> Vector:
+        """States at one place of each interval, shapes (n,) and (n, nx), or of one, (nx,)."""
+        at, (low, high), rates = np.asarray(s)[..., None], self._x[:, of], self._rates[:, of]
+        rise = high - low
+        bend = (1.0 - at) * (rates[0] - rise) - at * (rates[1] - rise)
+        return np.asarray(low + at * rise + at * (1.0 - at) * bend)
+
+    def _at(self, i: int, s: float) -> Moment:
+        """The run at a place of interval i."""
+        own = self._of[i]
+        here = Moment(self._states(s, i), self._z[i], own.m, own.regime)
+        return self._chain.hybrid.iteration.consistent(self.instant(i, s), here)
 
 
 def _build(compiled: CompiledModel) -> _Sides | None:

@@ -23,12 +23,10 @@ _FEWEST, _CLOSER = 17, 16
 _NEAR, _AWAY = 0.1, 10.0
 
 
-def refuse_missed(chain: Chain, rows: Vector) -> None:
-    """Raise ExportError AC615 if a relation was missed by less than its error.
-
-    `rows`: Times of the run [s], shape (n,).
-    """
+def refuse_missed(chain: Chain) -> None:
+    """Raise ExportError AC615 if a relation was missed by less than its error."""
     guards, watched = chain.hybrid.guards, chain.compiled.state_events.watched
+    rows, x, z, _ = chain.hybrid.recorder.rows()
     for k in range(len(chain.passages)):
         stretch = chain.stretch(k)
         own = [
@@ -38,10 +36,13 @@ def refuse_missed(chain: Chain, rows: Vector) -> None:
         ]
         if not own or stretch.end <= stretch.start:
             continue
-        inside = rows[(rows > stretch.start) & (rows < stretch.end)]
-        if len(inside) < _FEWEST:
-            inside = np.linspace(stretch.start, stretch.end, _FEWEST + 2)[1:-1]
-        times, _, values = _along(chain, guards, stretch, inside)
+        inside = (rows > stretch.start) & (rows < stretch.end)
+        if np.count_nonzero(inside) < _FEWEST:
+            times, _, values = _along(
+                chain, guards, stretch, np.linspace(stretch.start, stretch.end, _FEWEST + 2)[1:-1]
+            )
+        else:
+            times, values = rows[inside], _guards(guards, stretch, rows[inside], np.vstack([x, z])[:, inside].T)
         for i, j in _turns(times, values[:, own]):
             _refuse(
                 chain,
@@ -55,12 +56,17 @@ def refuse_missed(chain: Chain, rows: Vector) -> None:
 
 def _along(chain: Chain, guards: Guards, stretch: Stretch, stops: Vector) -> tuple[Vector, Vector, Vector]:
     """Times (n,), variables (n, nx + nz), guards (n, n_guards) at the start, `stops` and end of a stretch."""
-    nothing = np.zeros((chain.size, chain.count))
+    nothing = np.zeros((chain.size, 0))
     known = [(stretch.start, np.concatenate([stretch.x, stretch.z]))]
     known += [(t, variables) for t, variables, _ in stretch.carry(stops, nothing, parameters=False)]
     times, found = np.array([t for t, _ in known]), np.array([v for _, v in known])
-    x, z = found[:, : chain.nx].T, found[:, chain.nx :].T
-    return times, found, guards.along(times, x, z, stretch.m, stretch.regime)
+    return times, found, _guards(guards, stretch, times, found)
+
+
+def _guards(guards: Guards, stretch: Stretch, times: Vector, found: Vector) -> Vector:
+    """Guards, shape (n, n_guards), at n `times` of a stretch, with variables `found`, (n, nx + nz)."""
+    nx = len(stretch.x)
+    return guards.along(times, found[:, :nx].T, found[:, nx:].T, stretch.m, stretch.regime)
 
 
 def _turns(times: Vector, values: Vector) -> Iterator[tuple[int, int]]:
@@ -74,8 +80,11 @@ def _turns(times: Vector, values: Vector) -> Iterator[tuple[int, int]]:
 
 def _vertex(times: Vector, values: Vector) -> float:
     """Minimum of the parabola through three points, shapes (3,), of which the middle one is the lowest."""
-    a, b, c = np.polyfit(times - times[1], values, 2)
-    return float(c - b * b / (4.0 * a)) if a > 0.0 else float(values[1])
+    before, behind = (times - times[1])[[0, 2]]
+    down, up = (values[0] - values[1]) / before, (values[2] - values[1]) / behind  # slopes of both sides
+    bend = (up - down) / (behind - before)
+    slope = up - bend * behind
+    return float(values[1] - slope * slope / (4.0 * bend)) if bend > 0.0 else float(values[1])
 
 
 def _refuse(

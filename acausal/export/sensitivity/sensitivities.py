@@ -136,7 +136,7 @@ def sensitivities(
         return Chain(run, chosen, wanted, opts.tolerance), result
 
     chain, result = chain_of(opts)
-    refuse_missed(chain, result.time)
+    refuse_missed(chain)
     refuse_two_sided(chain)
     final, of_times = getattr(chain, method)()
     requested = np.asarray(times, dtype=float)

@@ -156,7 +156,7 @@ def refuse_start_on_relation(chain: Chain) -> None:
     near = (np.abs(g) <= noise) & (np.abs(rate) > noise) & np.array([side < 0 for _, side in owners])
     if not near.any():
         return
-    by_x, by_p, *_ = chain.event(passage)
+    by_x, by_p, *_ = chain.event(0)
     variations = by_x @ chain.start() + by_p
     slopes = chain.slopes.total(moment.regime, ("guards",), lambda *a: moment.regime.active_set.watch(*a), t, moment)
     moves = np.abs(slopes[0] @ variations + slopes[1])
