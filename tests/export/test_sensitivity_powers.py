@@ -15,8 +15,9 @@ import pytest
 from scipy.special import beta
 
 import acausal
-from acausal import Component, Equations, Real, der, maximum, parameter, structural, variable
+from acausal import Component, Equations, Real, der, fixed, maximum, parameter, structural, variable
 from acausal.models.drilling_dynamic import ThickBlock
+from acausal.simulate.driver.run import Run
 from acausal.simulate.native import cache
 from tests.marks import slow_but
 
@@ -97,3 +98,47 @@ def test_a_touch_on_a_row_is_no_jump() -> None:
         for solver in ("idas", "rosenbrock")
     ]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-5)
+
+
+class Forgetful(Component):
+    """A contact with an infinite slope, and what follows `a` in a hundredth of a second, pushed by the contact."""
+
+    b: Real = parameter(default=0.1)
+    a: Real = parameter(default=2.0)
+    x: Real = variable()
+    v: Real = variable(default=fixed(-1.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def initial_equations(self) -> Equations:
+        yield self.x == self.b
+
+    def equations(self) -> Equations:
+        depth = maximum(-self.x, 0.0)
+        yield der(self.x) == self.v
+        yield der(self.v) == 1e4 * depth**0.5
+        yield der(self.y) == 100.0 * (self.a - self.y) + depth
+
+
+@pytest.mark.parametrize(
+    ("method", "native"),
+    [pytest.param("forward", False, marks=pytest.mark.slow), pytest.param("adjoint", True, marks=COMPILER)],
+)
+def test_what_has_decayed_needs_no_second_run(
+    method: Literal["forward", "adjoint"], native: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the touch leaves uncertain decays by e**-35 in y, where y is a to that; in x it stays."""
+    runs = []
+
+    def counted(*arguments: Any, **named: Any) -> Run:
+        runs.append(Run(*arguments, **named))
+        return runs[-1]
+
+    monkeypatch.setattr("acausal.export.sensitivity.sensitivities.Run", counted)
+    for output, count in (("y", 1), ("x", 2)):
+        runs.clear()
+        found = acausal.sensitivities(
+            Forgetful(), ["b", "a"], [output], stop_time=STOP, tolerance=1e-8, native=native, method=method
+        )
+        assert len(runs) == count
+        if output == "y":
+            np.testing.assert_allclose(found.final[0], [0.0, 1.0], atol=1e-8)

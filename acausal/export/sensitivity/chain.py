@@ -40,6 +40,18 @@ _ROUGH, _LOOKS = 1e-5, 5
 _FAR, _AGAIN = 100.0, 3
 
 
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """d outputs / d parameters at the end, shape (ny, count), d event times / d parameters, shape (n_events, count).
+
+    `wrong` is what is known to be wrong in the first, same shape, since shorter steps would not make it better.
+    """
+
+    final: Vector
+    of_times: Vector
+    wrong: Vector
+
+
 class Chain:
     """The linear maps of a run, for `count` parameters with the indices `chosen` in p."""
 
@@ -98,11 +110,24 @@ class Chain:
             by_x, by_p, *_ = self.event(k)
             x = by_x @ x + by_p
             largest = np.maximum(largest, np.abs(x))
-            stretch = self.stretch(k)
-            for there in stretch.roughly(x, own):
-                x = there
-                largest = np.maximum(largest, np.abs(x))
+            x, reached = self._reached(self.stretch(k), x, largest, own)
+            largest = np.maximum(largest, reached)
         return largest
+
+    def _reached(self, stretch: Stretch, x: Vector, largest: Vector, stiffness: Stiffness) -> tuple[Vector, Vector]:
+        """(Variations at the end of a stretch, largest ones on it), roughly; shapes (size, count).
+
+        `x` are those at its start, `largest` those before. Where steps of the states meet slopes that are nearly
+        infinite, rough variations may get a billion times too large: what grows so much is looked at with steps of its
+        own.
+        """
+        before = replace(stiffness)
+        there = [x, *stretch.roughly(x, stiffness, None)]
+        reached = np.abs(there).max(axis=0)
+        if ((reached > _FAR * largest) & (largest > 0.0)).any():
+            there = [x, *stretch.roughly(x, before, np.where(largest > 0.0, largest, reached))]
+            reached = np.abs(there).max(axis=0)
+        return there[-1], reached
 
     @cached_property
     def uncertain(self) -> list[float]:
@@ -117,11 +142,11 @@ class Chain:
             found.append(known)
         return found
 
-    def forward(self) -> tuple[Vector, Vector]:
-        """(d outputs / d parameters, shape (ny, count); d event times / d parameters, shape (n_events, count))."""
+    def forward(self) -> Derivatives:
+        """Derivatives by a sweep forward, with a column for each parameter."""
         return self._judged(self._forward)
 
-    def _judged(self, derive: Callable[[], tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
+    def _judged(self, derive: Callable[[], Derivatives]) -> Derivatives:
         """The results of a method, again where it finds variations that are far from what the rough ones have told."""
         self.asked.clear()
         found = derive()
@@ -136,24 +161,40 @@ class Chain:
             found = derive()
         return found
 
-    def unresolved(self) -> float:
-        """Share of the variations that has come within steps that are as short as instants of events are known."""
-        return sum(accuracy.unresolved for accuracy, *_ in self.asked)
-
-    def _forward(self) -> tuple[Vector, Vector]:
+    def _begun(self) -> Vector:
+        """Variations at the start, and as many columns for what will be wrong in them; shape (size, 2 * count)."""
         x = self.start()
-        of_times = np.zeros((len(self.passages), self.count))
-        for k in range(len(self.passages)):
-            by_x, by_p, time_x, time_p = self.event(k)
-            of_times[k] = time_x @ x + time_p
-            x = by_x @ x + by_p
-            if k == self.terminal:
-                x[: self.nx] += np.outer(self._ending_rate(), of_times[k])
-            x = self.stretch(k).forward(x)
+        return np.hstack([x, np.zeros_like(x)])
+
+    def _across(self, k: int, x: Vector) -> tuple[Vector, Vector]:
+        """(Variations after event k, of the instant of it), from `x` before; shapes (size, 2 * count), (2 * count,)."""
+        by_x, by_p, time_x, time_p = self.event(k)
+        found, times = by_x @ x, time_x @ x
+        found[:, : self.count] += by_p
+        times[: self.count] += time_p
+        if k == self.terminal:
+            found[: self.nx] += np.outer(self._ending_rate(), times)
+        return found, times
+
+    def _ended(self, x: Vector, times: Sequence[Vector]) -> tuple[Vector, Vector]:
+        """(Derivatives of the outputs, what is wrong in them), (ny, count), from variations at the end and of events.
+
+        Shapes as in `_across`.
+        """
         y_x, y_p, y_t = self.output()
+        found = y_x @ x
         if self.terminal is not None:
-            y_p = np.asarray(y_p + np.outer(y_t, of_times[self.terminal]), dtype=np.float64)
-        return np.asarray(y_x @ x + y_p, dtype=np.float64), of_times
+            found = found + np.outer(y_t, times[self.terminal])
+        return np.asarray(found[:, : self.count] + y_p, dtype=np.float64), found[:, self.count :]
+
+    def _forward(self) -> Derivatives:
+        x, times = self._begun(), []
+        for k in range(len(self.passages)):
+            x, instant = self._across(k, x)
+            times.append(instant)
+            x = self.stretch(k).forward(x)
+        final, wrong = self._ended(x, times)
+        return Derivatives(final, np.array(times)[:, : self.count], wrong)
 
     def variations(self, k: int, t: float) -> Vector:
         """Variations of the carried variables at an instant [s] of stretch `k`, shape (size, count)."""
@@ -262,19 +303,21 @@ class Chain:
         key = "observed", *(output.name for output in self.wanted)
         return self.slopes.kept(key, lambda: observed_function(self.compiled, self.wanted))
 
-    def adjoint(self) -> tuple[Vector, Vector]:
+    def adjoint(self) -> Derivatives:
         """The results of `forward`, by one sweep from the end backwards, to which each event adds its time as a row.
 
         A sweep forward comes before it, since steps have to be short enough for the variations.
         """
         return self._judged(self._adjoint)
 
-    def _adjoint(self) -> tuple[Vector, Vector]:
-        x, way = self.start(), []
+    def _adjoint(self) -> Derivatives:
+        x, times, way = self._begun(), [], []
         for k in range(len(self.passages)):
-            event = self.event(k)
-            x, back = self.stretch(k).recorded(event[0] @ x + event[1])
-            way.append((event, back))
+            x, instant = self._across(k, x)
+            times.append(instant)
+            x, back = self.stretch(k).recorded(x)
+            way.append((self.event(k), back))
+        _, wrong = self._ended(x, times)
         rows, total, y_t = self.output()
         for k, ((on_x, on_p, time_x, time_p), back) in reversed(list(enumerate(way))):
             rows, by_p = back(rows)
@@ -288,7 +331,7 @@ class Chain:
             total = np.vstack([total, time_p])
         total = total + rows @ self.start()
         count = len(self.wanted)
-        return total[:count], total[count:][::-1]
+        return Derivatives(total[:count], total[count:][::-1], wrong)
 
     def is_no_event(self, k: int) -> bool:
         """Whether passage `k` is no event, but a located kink or the middle of a burst."""
@@ -368,8 +411,8 @@ class Stretch:
     def carry(self, stops: Vector, x: Vector, *, parameters: bool = True) -> Iterator[tuple[float, Vector, Vector]]:
         """Yield (time [s], variables (nx + nz,), variations (size, count)) at `stops`, ascending, and at the end.
 
-        `x`: variations at the start, shape (size, count). Without `parameters` the columns are other directions, which
-        the parameters do not change.
+        `x`: variations at the start, shape (size, count), or (size, 2 * count) as in `Chain`. Without `parameters` the
+        columns are other directions, which the parameters do not change.
         """
         c = self.chain
         if self.end <= self.start:
@@ -389,7 +432,7 @@ class Stretch:
             yield t, (w * slopes.scale)[variables], found
 
     def forward(self, x: Vector) -> Vector:
-        """Variations at the end, shape (size, count), due to `x` at the start, same shape, and to parameters."""
+        """Variations at the end due to `x` at the start and to parameters, shapes as in `carry`."""
         found = x
         for *_, there in self.carry(np.zeros(0), x):
             found = there
@@ -425,26 +468,36 @@ class Stretch:
 
         return there, back
 
-    def roughly(self, x: Vector, stiffness: Stiffness) -> Iterator[Vector]:
-        """Variations due to `x` at the start, shape (size, count), and to parameters, at some points; same shape."""
+    def roughly(self, x: Vector, stiffness: Stiffness, scale: Vector | None) -> Iterator[Vector]:
+        """Variations due to `x` at the start, shape (size, count), and to parameters, at some points; same shape.
+
+        Their steps are as short as variations of this `scale`, same shape, need, or as the states do.
+        """
         c = self.chain
         if self.end <= self.start:
             return
         variation = c.variation(self.regime)
-        scale = variation.slopes.scale[: variation.slopes.nx, None]
+        sizes = variation.slopes.scale[: variation.slopes.nx, None]
         way = self._interval(np.linspace(self.start, self.end, _LOOKS + 1)[1:].tolist(), variation)
         way = replace(way, tolerance=max(_ROUGH, c.tolerance))
-        for *_, there in variation.carry(way, x[self._rows] / scale, stiffness, c.native):
+        if scale is not None:
+            way = replace(way, accuracy=Accuracy(scale[self._rows] / sizes, self._shortest))
+        for *_, there in variation.carry(way, x[self._rows] / sizes, stiffness, c.native):
             found = x.copy()
-            found[self._rows] = there * scale
+            found[self._rows] = there * sizes
             yield found
 
     def _accuracy(self, scale: Vector) -> Accuracy:
         """What is asked of variations that are scaled by `scale`, shape (nx, 1)."""
         c = self.chain
-        found = Accuracy(c.scale[self._rows] / scale, max(c.uncertain[self.number : self.number + 2]))
+        found = Accuracy(c.scale[self._rows] / scale, self._shortest)
         c.asked.append((found, self._rows, scale))
         return found
+
+    @property
+    def _shortest(self) -> float:
+        """By how much the instants of both ends may be wrong [s]."""
+        return max(self.chain.uncertain[self.number : self.number + 2])
 
     @cached_property
     def _rows(self) -> list[int]:

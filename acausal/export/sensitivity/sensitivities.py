@@ -28,10 +28,10 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import Options, input_vector, options, parameter_vector
 
 _log = logging.getLogger(__name__)
-# Share of the variations that may be uncertain before they are compared with those at a tolerance so much looser.
-_UNCERTAIN, _LOOSER = 1e-8, 3.0
-# Relative difference of derivatives at both tolerances, in tolerances, from which on it is noted.
-_APART = 1e3
+# Relative difference of derivatives at two tolerances, in tolerances, from which on it is noted; how many times as
+# loose the other one is. They are compared if a share of that difference is known to be wrong.
+_APART, _LOOSER, _SUSPECT = 1e3, 3.0, 1 / 3
+_NOTHING = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,13 +138,14 @@ def sensitivities(
     chain, result = chain_of(opts)
     refuse_missed(chain)
     refuse_two_sided(chain)
-    final, of_times = getattr(chain, method)()
+    derivatives = getattr(chain, method)()
     requested = np.asarray(times, dtype=float)
     _check_times(requested, chain)
     along = chain.trajectory(requested) if len(requested) else np.zeros((0, len(wanted), len(parameters)))
-    if chain.unresolved() > max(_UNCERTAIN, 10.0 * tolerance):
+    final, wrong = derivatives.final, np.abs(derivatives.wrong)
+    if (wrong > _SUSPECT * _APART * tolerance * (np.abs(final) + _least(chain))).any():
         looser, _ = chain_of(replace(opts, tolerance=_LOOSER * tolerance))
-        result = _with_note(result, chain, final, getattr(looser, method)()[0])
+        result = _with_note(result, chain, final, getattr(looser, method)().final)
     located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
         tuple(parameters),
@@ -152,7 +153,7 @@ def sensitivities(
         final,
         chain.values(),
         np.array([chain.passages[k].time for k in located]),
-        of_times[located],
+        derivatives.of_times[located],
         result,
         requested,
         along,
@@ -161,9 +162,7 @@ def sensitivities(
 
 def _with_note(result: Result, chain: Chain, final: Vector, other: Vector) -> Result:
     """The run, with a note if its derivatives differ from those at a looser tolerance."""
-    y_x, *_ = chain.output()
-    least = 1e-6 * np.abs(y_x) @ chain.scale + 1e-12 * chain.scale.max(axis=0, initial=0.0) + 1e-290
-    size = np.maximum(np.abs(final), np.abs(other)) + least
+    size = np.maximum(np.abs(final), np.abs(other)) + _least(chain)
     apart = float((np.abs(final - other) / size).max(initial=0.0))
     if apart <= _APART * chain.tolerance:
         return result
@@ -174,6 +173,19 @@ def _with_note(result: Result, chain: Chain, final: Vector, other: Vector) -> Re
     _log.warning("%s", note)
     known: Any = result.stats.get("notes", ())
     return replace(result, stats={**result.stats, "notes": (*known, note)})
+
+
+def _least(chain: Chain) -> Vector:
+    """Final derivatives that count as none, shape (ny, count).
+
+    So do those by which twice the parameter would change an output by less than `_NOTHING` of it: they may be what
+    rounding in steep slopes leaves of one that has decayed.
+    """
+    y_x, *_ = chain.output()
+    least = 1e-6 * np.abs(y_x) @ chain.scale + 1e-12 * chain.scale.max(axis=0, initial=0.0) + 1e-290
+    own = np.abs(chain.p[chain.chosen])
+    share = np.divide(_NOTHING, own, out=np.zeros_like(own), where=own > 0.0)
+    return np.asarray(least + np.outer(np.abs(chain.values()), share))
 
 
 def _check_times(requested: Vector, chain: Chain) -> None:

@@ -34,8 +34,7 @@ class Structure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("stiff", "suspects", "cleared", "guessed", "capacity", "steps")),
         *((name, ctypes.c_longlong) for name in ("refused", "due")),
         *((name, ctypes.c_double) for name in ("t", "end", "h", "before", "tolerance", "radau_tolerance", "least")),
-        *((name, ctypes.c_double) for name in ("shortest", "unresolved")),
-        *((name, ctypes.c_double) for name in ("start", "noise", "probed", "probed_ratio")),
+        *((name, ctypes.c_double) for name in ("shortest", "start", "noise", "probed", "probed_ratio")),
         *((name, ctypes.c_void_p) for name in ("starts", "rows", "constant", "modes")),
         *((name, ctypes.c_void_p) for name in ("w", "x", "stages", "record", "total", "peak", "scale")),
     )
@@ -136,15 +135,14 @@ class _Arguments:
         self.peak = np.abs(self.x)
         self.fields.peak = address(self.peak)
         if self.accuracy is not None:
-            self.scale = np.ascontiguousarray(self.accuracy.scale)
+            self.scale = np.zeros(self.x.shape)
+            self.scale[:, : self.slopes.count] = self.accuracy.scale
             self.fields.scale, self.fields.shortest = address(self.scale), self.accuracy.shortest
 
     def report(self) -> None:
-        """Hand on what has not been reached."""
+        """Hand on the largest values."""
         if self.accuracy is not None:
-            self.accuracy.unresolved += self.fields.unresolved
-            self.fields.unresolved = 0.0
-            self.accuracy.largest = np.maximum(self.accuracy.largest, self.peak)
+            self.accuracy.largest = np.maximum(self.accuracy.largest, self.peak[:, : self.slopes.count])
 
     def resize(self, columns: int) -> None:
         """Allocate this number of columns of variations, with zeros."""

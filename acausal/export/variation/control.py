@@ -35,6 +35,8 @@ _TINY = 1e-290
 class Control:
     """The errors that steps may have in variations, which are `x`, shape (nx, k), at the `start` [s] of an interval.
 
+    `x` may have k more columns, see `Interval`.
+
     An error counts relative to the variation, and absolutely below `SMALL` of its largest value since the start and
     `LEAST_SHARE` of that over the run: where a variation leaves zero as a power of time, a first step has the same
     relative error, however short it is, and before a burst it may be a rounding error. Where slopes are known to
@@ -53,9 +55,12 @@ class Control:
     """The error by rounding in what is allowed, for each second of a step [1/s]."""
     probed: tuple[float, float] | None = None
     """Length [s] and error of a step that was refused to a much shorter one."""
+    missed: Vector | None = None
+    """Errors, shape (nx, k), of the last step that shorter ones would not make smaller."""
 
     def __post_init__(self) -> None:
-        self._largest = np.abs(self.x)
+        self.count = self.x.shape[1] if self.accuracy is None else self.accuracy.scale.shape[1]
+        self._largest = np.abs(self.x[:, : self.count])
 
     def allowed(self, before: Vector, after: Vector) -> Vector:
         """Errors of variations that go from `before` to `after` in a step, shapes (nx, k)."""
@@ -66,32 +71,39 @@ class Control:
         least = SMALL * np.maximum(self._largest, size) + LEAST_SHARE * scale
         return np.asarray(self.tolerance * (least + size) + rounding)
 
-    def accepted(self, after: Vector) -> None:
-        """Go on from `after`, shape (nx, k)."""
+    def accepted(self, after: Vector) -> Vector:
+        """Go on from `after`, with the columns of `x`, to which the errors of the step are added."""
         if self.accuracy is not None:
-            self._largest = np.maximum(self._largest, np.abs(after))
+            self._largest = np.maximum(self._largest, np.abs(after[:, : self.count]))
             self.accuracy.largest = np.maximum(self._largest, self.accuracy.largest)
+        if self.missed is not None and after.shape[1] > self.count:
+            after = after + np.hstack([np.zeros_like(self.missed), self.missed])
+        return after
 
     def shorter(self, factor: float) -> float:
         """The factor by which a refused step is shortened, instead of `factor`."""
         return factor if self.probed is None else PROBE
 
-    def judged(self, t: float, h: float, ratio: float, moved: Vector, errors: Vector) -> float:
+    def judged(
+        self, t: float, h: float, ratio: float, moved: Vector, errors: Vector, whole: float | None = None
+    ) -> float:
         """The error of a step from `t` [s] in what is allowed: `ratio`, or less where shorter steps would be no better.
 
         `moved`, shape (nx, k), is what the step adds to the variations, `errors` those of it. All of a step that is as
-        short as the ends of the interval are known is uncertain.
+        short as the ends of the interval are known is uncertain. `whole` is the ratio before rounding is allowed for.
         """
         assert self.accuracy is not None, "errors are asked for where they are controlled"
+        self.missed = None
         if self.probed is not None:
             (before, larger), self.probed = self.probed, None
             if NOISE * larger < ratio < UNRESOLVED * larger:
                 self.noise = max(self.noise, 2 * larger / before)
-        if ratio <= 1:
-            return ratio
-        if ratio <= self.noise * h:
-            self.accuracy.missed(errors)
-            return float((ratio / (self.noise * h)) ** 4)
+        is_noise = 0 < ratio <= self.noise * h
+        if is_noise or ratio <= 1:
+            if (ratio if whole is None else whole) > 1:
+                self.missed = errors
+            # below one, too: steps would hover where rounding is what is allowed
+            return float(min(ratio, (ratio / (self.noise * h)) ** 4)) if is_noise else ratio
         self.refused += 1
         short = h <= self.accuracy.shortest
         if not short and self.refused < MOST_REFUSED:
@@ -99,5 +111,5 @@ class Control:
             if self.refused >= self.due and ratio < LARGE and h < 0.1 * (t - self.start):
                 self.probed, self.due = (h, ratio), 2 * self.due
             return ratio
-        self.accuracy.missed(moved if short else errors)
+        self.missed = moved if short else errors
         return 0.1 if short else 0.0  # the next one is longer, or as long as the states allow

@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from acausal.arrays import Vector
 
 SMALL = 1e-3
@@ -43,7 +41,7 @@ class Element(Protocol):
 
 @dataclass(eq=False)
 class Accuracy:
-    """What is asked of the variations over an interval, and where it is not reached.
+    """What is asked of the variations over an interval.
 
     `scale`, shape (nx, k), are their largest values over the run, roughly. Steps shorter than `shortest` [s] would not
     make them more accurate, since the ends of the interval are known no better.
@@ -53,13 +51,6 @@ class Accuracy:
     shortest: float
     largest: float | Vector = 0.0
     """The largest values over the interval that have been found, shape (nx, k)."""
-    unresolved: float = 0.0
-    """What is uncertain for steps that are as short, relative to `scale`."""
-
-    def missed(self, errors: Vector) -> None:
-        """Note errors of variations, shape (nx, k), that shorter steps would not make smaller."""
-        size = self.scale + 1e-6 * self.scale.max(axis=0, initial=0.0) + 1e-290
-        self.unresolved += float((np.abs(errors) / size).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +58,8 @@ class Interval:
     """An interval from `start` [s], with scaled variables `w`, shape (n,), to the last of `ends` [s].
 
     Steps end at each of the `ends`. `numbers` are (u, p) as one vector, shape (nu + np,), and modes, shape (nm,).
-    Without `accuracy` steps are as long as their states allow.
+    Without `accuracy` steps are as long as their states allow. With it, variations are those by k parameters; another k
+    columns, if there are any, are what is known to be wrong in them: steps carry it on, and add to it.
     """
 
     start: float

@@ -95,8 +95,7 @@ def explicit(
         if not error <= 1:
             h *= control.shorter(max(0.2, min(growth, 0.9))) if np.isfinite(error) else 0.25
             continue
-        t, w, x = until if h == until - t else t + h, stages[-1].copy(), after
-        control.accepted(x)
+        t, w, x = until if h == until - t else t + h, stages[-1].copy(), control.accepted(after)
         yield ExplicitElement(t, w, x, h, matrices[:-1])
         h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
 
@@ -122,15 +121,17 @@ def _variations(
         at = x + h * _weighted(EXPLICIT_A[i, :i], rates[:i])
         rates[i] = slope[:, :n] @ at
         if parameters:
-            rates[i] += _full(slope[:, n:])
+            by_p = _full(slope[:, n:])
+            rates[i, :, : by_p.shape[1]] += by_p
     if not np.isfinite(rates).all():
         return at, np.inf
     if control.accuracy is None:
         return at, 0.0
-    allowed = control.allowed(x, at)
-    errors = [_weighted(own, rates) for own in (EXPLICIT_5, EXPLICIT_3)]
+    own_x, own_at = x[:, : control.count], at[:, : control.count]
+    allowed = control.allowed(own_x, own_at)
+    errors = [_weighted(own, rates[:, :, : control.count]) for own in (EXPLICIT_5, EXPLICIT_3)]
     five, three = (np.sum((error / allowed) ** 2, axis=0) for error in errors)
-    return at, control.judged(t, h, float(_estimate(h, five, three, n).max()), at - x, h * errors[0])
+    return at, control.judged(t, h, float(_estimate(h, five, three, n).max()), own_at - own_x, h * errors[0])
 
 
 def _is_held_back(h: float, points: Vector, rates: Vector, damped: float) -> bool:

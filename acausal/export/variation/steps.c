@@ -2,7 +2,7 @@
    they turn out to be stiff, then Radau IIA with STAGES stages.
 
    Linked with CasADi's code of `value` and `slopes`: what parameters alone determine is in `constant`. The tables RADAU_C,
-   RADAU_A, RADAU_E, EXPLICIT_C, EXPLICIT_A, EXPLICIT_B, EXPLICIT_3 and EXPLICIT_5 are written in front of this. */
+   RADAU_A, RADAU_5, RADAU_3, EXPLICIT_C, EXPLICIT_A, EXPLICIT_B, EXPLICIT_3 and EXPLICIT_5 are written in front of this. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -15,6 +15,7 @@ enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOS
 #define NOISE 1e-3
 #define UNRESOLVED 0.5
 #define LARGE 20.0
+#define ROUNDED 2e-15
 #define STABLE 6.1
 #define DAMPED 2.5
 #define DAMPED_VARIATIONS 0.5
@@ -23,7 +24,7 @@ enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOS
 struct variation {
   count_t n, nx, parameters, columns, entries, largest;
   count_t stiff, suspects, cleared, guessed, capacity, steps, refused, due;
-  double t, end, h, before, tolerance, radau_tolerance, least, shortest, unresolved;
+  double t, end, h, before, tolerance, radau_tolerance, least, shortest;
   double start, noise, probed, probed_ratio; /* as in control.py; `probed` is zero where no step is */
   const count_t *starts, *rows; /* of the slopes, column by column: by n variables, then by parameters */
   const double *constant, *modes;
@@ -37,6 +38,8 @@ struct space {
   casadi_int* iw;
   double *w, *value, *slopes, *next, *matrix, *small, *right, *residual, *stage_slopes, *values, *rate, *sums;
   double *after, *rates, *sizes; /* variations at the end of a step that is tried, rates at its start, allowed errors */
+  double* missed; /* errors of that step that shorter ones would not make smaller; */
+  int has_missed; /* whether there are any */
   count_t *pivot, *small_pivot;
 };
 
@@ -147,7 +150,7 @@ static double largest_of(const struct variation* v, count_t column) {
    their largest values since the start of the interval. */
 static void allowed(const struct variation* v, struct space* o, double tolerance) {
   count_t m = v->columns, j, r;
-  for (j = 0; j < m; ++j) {
+  for (j = 0; j < v->parameters; ++j) {
     double rounding = 1e-15 * largest_of(v, j) + 1e-290;
     for (r = j; r < v->nx * m; r += m) {
       double size = fmax(fabs(v->x[r]), fabs(o->after[r]));
@@ -156,18 +159,37 @@ static void allowed(const struct variation* v, struct space* o, double tolerance
   }
 }
 
-/* `ratio`, or less where shorter steps would be no better, as in control.py; `errors` are those of the variations. */
-static double judged(struct variation* v, const struct space* o, double h, double ratio, const double* errors) {
-  double most = 0;
-  count_t m = v->columns, is_short = h <= v->shortest, is_noise, j, r;
+/* Note errors of variations, or all that they move where a step is as short as instants are known. */
+static void noted(const struct variation* v, struct space* o, const double* errors, int all) {
+  count_t r;
+  for (r = 0; r < v->nx * v->columns; ++r) o->missed[r] = all ? o->after[r] - v->x[r] : errors[r];
+  o->has_missed = 1;
+}
+
+/* Add what has been noted to the errors that are carried behind the variations, if they are. */
+static void accept_missed(struct variation* v, const struct space* o) {
+  count_t m = v->columns, k = v->parameters, r, j;
+  if (!o->has_missed || m < 2 * k) return;
+  for (r = 0; r < v->nx; ++r)
+    for (j = 0; j < k; ++j) v->x[r * m + k + j] += o->missed[r * m + j];
+}
+
+/* `ratio`, or less where shorter steps would be no better, as in control.py; `errors` are those of the variations, `whole`
+   is the ratio before rounding is allowed for. */
+static double judged(struct variation* v, struct space* o, double h, double ratio, double whole, const double* errors) {
+  int is_short = h <= v->shortest, is_noise;
+  o->has_missed = 0;
   if (v->probed > 0) {
     if (ratio > NOISE * v->probed_ratio && ratio < UNRESOLVED * v->probed_ratio)
       v->noise = fmax(v->noise, 2 * v->probed_ratio / v->probed);
     v->probed = 0;
   }
-  if (!(ratio > 1)) return ratio;
-  is_noise = ratio <= v->noise * h;
-  if (!is_noise && ++v->refused < MOST_REFUSED && !is_short) {
+  is_noise = ratio > 0 && ratio <= v->noise * h;
+  if (is_noise || ratio <= 1) {
+    if (whole > 1) noted(v, o, errors, 0);
+    return is_noise ? fmin(ratio, pow(ratio / (v->noise * h), 4)) : ratio;
+  }
+  if (++v->refused < MOST_REFUSED && !is_short) {
     if (v->refused >= v->due && ratio < LARGE && h < 0.1 * (v->t - v->start)) {
       v->due *= 2;
       v->probed = h;
@@ -175,16 +197,8 @@ static double judged(struct variation* v, const struct space* o, double h, doubl
     }
     return ratio;
   }
-  if (is_noise) is_short = 0;
-  for (j = 0; j < m; ++j) {
-    double least = 1e-6 * largest_of(v, j) + 1e-290;
-    for (r = j; r < v->nx * m; r += m) {
-      double error = is_short ? o->after[r] - v->x[r] : errors[r];
-      most = fmax(most, fabs(error) / (v->scale[r] + least));
-    }
-  }
-  v->unresolved += most;
-  return is_noise ? pow(ratio / (v->noise * h), 4) : is_short ? 0.1 : 0.0;
+  noted(v, o, errors, is_short);
+  return is_short ? 0.1 : 0.0;
 }
 
 /* to += what parameters add to the rates of variations. */
@@ -264,27 +278,43 @@ static int radau_stages(const struct variation* v, struct space* o, double h) {
   return 0;
 }
 
-/* The error of the step by an embedded method of order STAGES, in tolerances; slopes at its start are in `o->slopes`. */
+/* The error of a step from the sums of squares of both embedded errors over its n variables: that of order 5 where both are
+   alike, since the solution is not smooth, of order 7 where it is. */
+static double estimate(double five, double three, count_t n) {
+  return five > 0 ? five / sqrt((five + 0.01 * three) * (double) n) : 0.0;
+}
+
+/* An embedded error of m columns into `to`, from the stages in `stages`, their start and the rate there. */
+static void embedded(const struct variation* v, const struct space* o, double h, const double* weights, const double* stages,
+                     const double* start, const double* rate, double* to, count_t m) {
+  count_t nx = v->nx * m, n = v->n * m, i, r;
+  memset(to, 0, sizeof(double) * (size_t) n);
+  for (r = 0; r < nx; ++r) {
+    to[r] = rate[r];
+    for (i = 0; i < STAGES; ++i) to[r] += weights[i] * (stages[i * n + r] - start[r]) / h;
+  }
+  solved(o->small, v->n, o->small_pivot, to, m);
+}
+
+/* The error of the step by embedded methods, in tolerances; slopes at its start are in `o->slopes`. */
 static double radau_error(const struct variation* v, struct space* o, double h) {
-  count_t n = v->n, nx = v->nx, c, e, i, r;
-  double sum = 0;
+  count_t n = v->n, nx = v->nx, c, e, r;
+  double sums[2] = {0, 0};
+  int k;
   memset(o->small, 0, sizeof(double) * (size_t) (n * n));
   for (c = 0; c < n; ++c)
     for (e = v->starts[c]; e < v->starts[c + 1]; ++e) o->small[v->rows[e] * n + c] = -o->slopes[e];
-  memset(o->rate, 0, sizeof(double) * (size_t) n);
-  for (r = 0; r < nx; ++r) {
-    o->small[r * n + r] += RADAU_REAL / h;
-    o->rate[r] = o->value[r];
-    for (i = 0; i < STAGES; ++i) o->rate[r] += RADAU_E[i] * (o->next[i * n + r] - v->w[r]) / h;
-  }
+  for (r = 0; r < nx; ++r) o->small[r * n + r] += RADAU_REAL / h;
   if (!are_finite(o->small, n * n) || !factorised(o->small, n, o->small_pivot)) return INFINITY;
-  solved(o->small, n, o->small_pivot, o->rate, 1);
-  for (r = 0; r < nx; ++r) {
-    double size = fmax(fabs(v->w[r]), fabs(o->next[(STAGES - 1) * n + r]));
-    double one = o->rate[r] / (v->radau_tolerance * (1e-3 + size));
-    sum += one * one;
+  for (k = 0; k < 2; ++k) {
+    embedded(v, o, h, k ? RADAU_3 : RADAU_5, o->next, v->w, o->value, o->rate, 1);
+    for (r = 0; r < nx; ++r) {
+      double size = fmax(fabs(v->w[r]), fabs(o->next[(STAGES - 1) * n + r]));
+      double one = o->rate[r] / (v->radau_tolerance * (1e-3 + size));
+      sums[k] += one * one;
+    }
   }
-  return nx ? sqrt(sum / (double) nx) : 0.0;
+  return nx ? estimate(sums[0], sums[1], nx) : 0.0;
 }
 
 /* Values of the polynomial through the stages at those of the next step, `ratio` times as long. */
@@ -350,28 +380,51 @@ static int radau_start(const struct variation* v, struct space* o) {
   return 1;
 }
 
+/* What rounding of variations and slopes does in a step to each variation, (nx, m), into `to`, as in radau.py; their algebraic
+   ones at its start are in `algebraic`. */
+static void radau_rounding(const struct variation* v, const struct space* o, double h, const double* algebraic, double* to) {
+  count_t nx = v->nx, m = v->columns, c, e, r, j;
+  memset(to, 0, sizeof(double) * (size_t) (nx * m));
+  for (r = 0; r < nx; ++r) o->residual[r] = RADAU_REAL / h;
+  for (c = 0; c < v->n; ++c) {
+    const double* x = c < nx ? v->x + c * m : algebraic + (c - nx) * m;
+    for (e = v->starts[c]; e < v->starts[c + 1]; ++e) {
+      double slope = fabs(o->slopes[e]);
+      r = v->rows[e];
+      if (r >= nx) continue;
+      if (r == c) o->residual[r] += slope;
+      for (j = 0; j < m; ++j) to[r * m + j] += slope * fabs(x[j]);
+    }
+  }
+  for (r = 0; r < nx; ++r)
+    for (j = 0; j < m; ++j) to[r * m + j] *= ROUNDED / o->residual[r];
+}
+
 /* The error of the variations over a step, of the worst column, in what is allowed; `radau_error` and `radau_forward`
    have been called. */
 static double radau_variation_error(struct variation* v, struct space* o, double h) {
-  count_t n = v->n, nx = v->nx, m = v->columns, i, j, r;
-  double most = 0;
+  count_t nx = v->nx, m = v->columns, all = v->n * m, j, r;
+  double *five = o->sums, *three = o->sums + all, *rounding = o->sums + 2 * all, most = 0, whole = 0;
   if (!v->scale) return 0.0;
   if (!radau_start(v, o)) return INFINITY;
-  memset(o->rates + nx * m, 0, sizeof(double) * (size_t) ((n - nx) * m));
-  for (i = 0; i < STAGES; ++i)
-    for (r = 0; r < nx * m; ++r) o->rates[r] += RADAU_E[i] * (o->right[i * n * m + r] - v->x[r]) / h;
-  if (!are_finite(o->rates, n * m)) return INFINITY;
-  solved(o->small, n, o->small_pivot, o->rates, m);
+  radau_rounding(v, o, h, o->sums, rounding);
+  embedded(v, o, h, RADAU_5, o->right, v->x, o->rates, five, m);
+  embedded(v, o, h, RADAU_3, o->right, v->x, o->rates, three, m);
+  if (!are_finite(o->sums, 2 * all)) return INFINITY;
   allowed(v, o, v->radau_tolerance);
-  for (j = 0; j < m; ++j) {
-    double sum = 0;
+  for (j = 0; j < v->parameters; ++j) {
+    double a = 0, b = 0, all_of_it = 0, found;
     for (r = j; r < nx * m; r += m) {
-      double one = o->rates[r] / o->sizes[r];
-      sum += one * one;
+      double size = o->sizes[r] + rounding[r];
+      a += five[r] * five[r] / (size * size);
+      b += three[r] * three[r] / (size * size);
+      all_of_it = fmax(all_of_it, fabs(five[r]) / o->sizes[r]);
     }
-    if (!(sum <= most)) most = sum;
+    found = nx ? estimate(a, b, nx) : 0.0;
+    if (!(found <= most)) most = found;
+    whole = fmax(whole, all_of_it);
   }
-  return nx ? judged(v, o, h, sqrt(most / (double) nx), o->rates) : 0.0;
+  return nx ? judged(v, o, h, most, whole, five) : 0.0;
 }
 
 static int radau_backward(const struct variation* v, struct space* o, double t, double h, const double* stages) {
@@ -408,11 +461,6 @@ static int explicit_stages(const struct variation* v, struct space* o, double t,
   return are_finite(o->values, n * (EXPLICIT + to_end));
 }
 
-/* The error of a step from the sums of squares of both embedded errors over its n variables. */
-static double estimate(double h, double five, double three, count_t n) {
-  return five > 0 ? h * five / sqrt((five + 0.01 * three) * (double) n) : 0.0;
-}
-
 static double explicit_error(const struct variation* v, struct space* o, double h) {
   count_t n = v->n, k, i;
   double five = 0, three = 0;
@@ -425,7 +473,7 @@ static double explicit_error(const struct variation* v, struct space* o, double 
     five += a * a / (size * size);
     three += b * b / (size * size);
   }
-  return estimate(h, five, three, n);
+  return h * estimate(five, three, n);
 }
 
 /* Whether steps are held back by what is stiff, by the slope that the last two points of a step tell, again and again:
@@ -483,7 +531,7 @@ static double explicit_variation_error(struct variation* v, struct space* o, dou
   double most = 0;
   if (!v->scale) return 0.0;
   allowed(v, o, v->tolerance);
-  for (j = 0; j < m; ++j) {
+  for (j = 0; j < v->parameters; ++j) {
     double five = 0, three = 0;
     for (r = j; r < all; r += m) {
       double a = 0, b = 0;
@@ -495,9 +543,9 @@ static double explicit_variation_error(struct variation* v, struct space* o, dou
       five += a * a / (o->sizes[r] * o->sizes[r]);
       three += b * b / (o->sizes[r] * o->sizes[r]);
     }
-    most = fmax(most, estimate(h, five, three, n));
+    most = fmax(most, h * estimate(five, three, n));
   }
-  return judged(v, o, h, most, o->rates);
+  return judged(v, o, h, most, most, o->rates);
 }
 
 static int explicit_backward(const struct variation* v, struct space* o, double t, double h) {
@@ -565,11 +613,12 @@ static int step(struct variation* v, struct space* o) {
       v->h = 0;
       return v->n > v->largest ? STIFF : DONE;
     }
-    grown = error > 0 ? 0.9 * pow(error, v->stiff ? -1.0 / (STAGES + 1) : -1.0 / 8) : 8.0;
+    grown = error > 0 ? 0.9 * pow(error, -1.0 / 8) : 8.0;
     if (error > 1) { v->h = h * (v->probed > 0 ? PROBE : fmax(0.2, fmin(grown, 0.9))); v->guessed = 0; continue; }
     if (v->capacity) recorded(v, t, h, v->stiff ? o->next : v->w, v->stiff ? STAGES * n : n);
     memcpy(v->stages, v->stiff ? o->next : end, sizeof(double) * (size_t) (v->stiff ? STAGES * n : n));
     memcpy(v->x, o->after, sizeof(double) * (size_t) (v->nx * v->columns));
+    accept_missed(v, o);
     for (i = 0; i < v->nx * v->columns; ++i) v->peak[i] = fmax(v->peak[i], fabs(v->x[i]));
     memcpy(v->w, v->stages + (v->stiff ? (STAGES - 1) * n : 0), sizeof(double) * (size_t) n);
     v->t = ends ? v->end : t + h;
@@ -605,7 +654,7 @@ static int called(struct variation* v, int (*what)(struct variation*, struct spa
   casadi_int a[4], b[4];
   count_t n = v->n, wide = STAGES * n, most = n <= v->largest ? wide : 0, dense = n <= v->largest ? n : 0, k;
   count_t columns = v->columns > v->parameters ? v->columns : v->parameters;
-  struct space o;
+  struct space o = {0};
   double *memory, *next;
   int status = NO_MEMORY;
   value_work(a, a + 1, a + 2, a + 3);
@@ -615,9 +664,9 @@ static int called(struct variation* v, int (*what)(struct variation*, struct spa
   {
     count_t sizes[] = {a[3], n, v->entries, (EXPLICIT + 1) * n, most * most, dense * dense, (EXPLICIT + 1) * n * columns,
                        wide, (EXPLICIT + 1) * v->entries, (EXPLICIT + 1) * n, n, wide * columns, n * columns, n * columns,
-                       n * columns};
+                       n * columns, n * columns};
     double** parts[] = {&o.w, &o.value, &o.slopes, &o.next, &o.matrix, &o.small, &o.right,
-                        &o.residual, &o.stage_slopes, &o.values, &o.rate, &o.sums, &o.after, &o.rates, &o.sizes};
+                        &o.residual, &o.stage_slopes, &o.values, &o.rate, &o.sums, &o.after, &o.rates, &o.sizes, &o.missed};
     count_t total = 0;
     for (k = 0; k < (count_t) (sizeof(sizes) / sizeof(*sizes)); ++k) total += sizes[k] + 1;
     memory = malloc(sizeof(double) * (size_t) total);

@@ -15,14 +15,16 @@ import scipy.integrate
 from acausal.arrays import Vector
 
 STAGES = 5
+# Stages of which the error estimate of order 3 consists.
+_OF_ORDER_3 = np.array([0, 2, 4])
 
 
 @dataclass(frozen=True, eq=False)
 class Radau:
-    """Radau IIA with s = STAGES: `nodes` (s,), `matrix` (s, s), and the error estimate of order s.
+    """Radau IIA with s = STAGES: `nodes` (s,), `matrix` (s, s), and error estimates of order s and 3.
 
-    `weights`, shape (s,), are those of the stages minus the start in the estimate; `real` is the real eigenvalue of the
-    inverse of `matrix`.
+    `weights`, shape (2, s), are those of the stages minus the start in both estimates; `real` is the real eigenvalue of
+    the inverse of `matrix`.
     """
 
     nodes: Vector
@@ -41,7 +43,10 @@ def _radau(s: int) -> Radau:
     inverse = np.linalg.inv(matrix)
     eigenvalues = np.linalg.eigvals(inverse)
     real = float(eigenvalues[np.argmin(np.abs(eigenvalues.imag))].real)
-    embedded = np.linalg.solve(powers.T, 1.0 / order - (order == 1) / real)
+    embedded = np.zeros((2, s))
+    for row, used in zip(embedded, (order - 1, _OF_ORDER_3), strict=True):
+        exact = order[: len(used)]
+        row[used] = np.linalg.solve(powers[used, : len(used)].T, 1.0 / exact - (exact == 1) / real)
     return Radau(nodes, matrix, real * (embedded - matrix[-1]) @ inverse, real)
 
 
@@ -57,9 +62,11 @@ EXPLICIT_5: Vector = np.asarray(_METHOD.E5, dtype=float)
 def in_c() -> str:
     """The coefficients as C source for `steps.c`."""
     parts = [f"#define STAGES {STAGES}", f"#define RADAU_REAL {RADAU.real!r}"]
-    vectors = ("RADAU_C", RADAU.nodes), ("RADAU_E", RADAU.weights), ("EXPLICIT_C", EXPLICIT_C)
     for name, vector in (
-        *vectors,
+        ("RADAU_C", RADAU.nodes),
+        ("RADAU_5", RADAU.weights[0]),
+        ("RADAU_3", RADAU.weights[1]),
+        ("EXPLICIT_C", EXPLICIT_C),
         ("EXPLICIT_B", EXPLICIT_A[-1]),
         ("EXPLICIT_3", EXPLICIT_3),
         ("EXPLICIT_5", EXPLICIT_5),
