@@ -11,7 +11,7 @@ import pytest
 from hypothesis import settings
 
 from acausal.simulate.native import cache
-from tests.slow_cases import is_slow
+from tests.slow_cases import COLLECTED, is_slow
 
 # Compiled libraries of the developer's own models are neither used nor added to.
 os.environ.setdefault("ACAUSAL_CACHE", str(Path(tempfile.gettempdir()) / "acausal-tests"))
@@ -39,11 +39,13 @@ def flags(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves out what is marked as slow
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Long cases are slow."""
     for item in items:
         if is_slow(item.nodeid):
             item.add_marker(pytest.mark.slow)
+    slow = {item.nodeid: item.get_closest_marker("slow") is not None for item in items}
+    config.stash[COLLECTED] = {} if any("::" in argument for argument in config.args) else slow
 
 
 def pytest_collection_finish() -> None:

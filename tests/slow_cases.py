@@ -9,8 +9,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 FILE = Path(__file__).with_suffix(".txt")
 CASES = frozenset(FILE.read_text(encoding="utf-8").splitlines())
+COLLECTED = pytest.StashKey[dict[str, bool]]()
+"""Whether each case of the files that pytest was asked for is slow."""
 
 
 def is_slow(nodeid: str) -> bool:

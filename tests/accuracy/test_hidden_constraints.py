@@ -44,7 +44,7 @@ class Brenan(Component):
         yield der(self.area) == self.y
 
 
-@pytest.mark.parametrize(("solver", "error"), [("auto", 1e-7), ("rosenbrock", 1e-7), ("idas", 3e-6), ("cvodes", 1e-5)])
+@pytest.mark.parametrize(("solver", "error"), [("rosenbrock", 1e-7), ("idas", 3e-6), ("cvodes", 1e-5)])
 def test_amplifier_ends_where_it_is_published_to_end(solver: str, error: float) -> None:
     """The mixed error of the test set; ten tolerances with the default, the multistep methods leave more."""
     r = acausal.simulate(TransistorAmplifier(), stop_time=0.2, tolerance=1e-8, solver=solver, output_interval=0.2)

@@ -328,7 +328,6 @@ def threads(feature: Feature) -> None:
 
 SOLVERS = ("idas", "rosenbrock", "cvodes", "erk")
 VERBS: dict[str, Verb] = {
-    "auto": lambda feature: right(feature, run(feature)),
     **{solver: simulated(solver) for solver in SOLVERS},
     **{f"{solver} native": simulated(solver, native=True) for solver in SOLVERS},
     **{f"{solver} fixed step": fixed_step(solver) for solver in ("rk", "rk2", "collocation", "erk", "rosenbrock")},

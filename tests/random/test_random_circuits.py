@@ -97,4 +97,4 @@ def test_events_of_tiny_resistances_are_listed_once() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 520, 65))
 def test_250_circuits(first: int) -> None:
-    assert not failures(range(first, first + 65), "auto", "idas", "rosenbrock")
+    assert not failures(range(first, first + 65), "idas", "rosenbrock")  # "auto" is one of them

@@ -35,7 +35,7 @@ class Ramped(Component):
         yield connect(self.position.flange, self.mass.flange_a)
 
 
-@pytest.mark.parametrize("solver", ["auto", "idas", "rosenbrock"])
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
 def test_a_step_of_a_prescribed_position_is_refused(solver: str) -> None:
     with pytest.raises(AcausalError, match=r"jumps at t = 0\.5 s, from 0 to 1") as error:
         acausal.simulate(Stepped(), stop_time=1.0, solver=solver)
