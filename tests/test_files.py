@@ -51,6 +51,18 @@ def test_values_survive_to_the_last_bit(result: Result, tmp_path: Path, suffix: 
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".npz", ".parquet"])
+def test_a_signal_without_dimension_survives(tmp_path: Path, suffix: str) -> None:
+    """Its unit is the number 1, or none while its meaning ends with a bracket."""
+    path = tmp_path / f"run{suffix}"
+    signals = {"n": Signal("n", "1", "Count", 0), "s": Signal("s", "", "Share in [0, 1]", 0)}
+    Result("Plain", np.array([0.0, 1.0]), np.array([[0.0], [0.5]]), signals).save(path, units=True)
+    back = load(path)
+    assert back["n"].tolist() == back["s"].tolist() == [0.0, 0.5]
+    assert back.unit("n") == "1"
+    assert back.unit("s") in ("", "1")
+
+
 @pytest.mark.parametrize("suffix", [".mat", ".npz"])
 def test_units_and_docs_survive(result: Result, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"

@@ -134,8 +134,8 @@ def clock_among(names: Sequence[str]) -> int | None:
 
 
 def _are_units(cells: Sequence[str], count: int, clock: int) -> bool:
-    """Whether a row holds units: none of its cells is a number, and that of the time is a unit of time."""
-    if len(cells) != count or any(map(_is_number, cells)):
+    """Whether a row holds units: none of its cells is a number but the unit 1, and that of the time is one of time."""
+    if len(cells) != count or any(_is_number(cell) for cell in cells if cell != "1"):
         return False
     try:
         return parse(cells[clock].strip("[]")).dimension == parse("s").dimension

@@ -47,7 +47,9 @@ def write_mat(table: Table, file: BinaryIO) -> None:
     info, constants = [(0, 1, 0, -1)], [table.time[[0, -1]]]
     for name, signal in table.signals.items():
         names.append(name)
-        descriptions.append(f"{signal.doc} [{signal.unit}]".lstrip() if signal.unit else signal.doc)
+        # a meaning that ends with a bracket needs a unit behind it, or its end would be read as one
+        unit = signal.unit or ("1" if signal.doc.endswith("]") else "")
+        descriptions.append(f"{signal.doc} [{unit}]".lstrip() if unit else signal.doc)
         if signal.column is None:
             constants.append(np.full(2, signal.value))
             info.append((1, len(constants), 0, -1))
