@@ -21,6 +21,8 @@ from acausal.lower.compiled import CompiledModel
 _CLOSE, _FAR, _WAYS = 1e-12, 1e-9, 2
 # Relative difference that counts as rounding, and ratio of differences (close to far) of a smooth function.
 _ROUNDING, _SHRINKS = 1e-9, 0.5
+# Displacements on each side, by _CLOSE, at which rounding errors go up and down, and how much of a difference they are.
+_BESIDE, _SCATTER = (0.6, 0.7, 0.9, 1.1, 1.3, 1.6, 1.9, 2.2), 0.1
 # Rows smaller than this, relative to the largest, consist of rounding errors.
 _NOTHING = 1e-15
 
@@ -93,10 +95,22 @@ def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | 
         if differs.any():
             far_difference = np.max([np.abs(at(share) - table) for share in (-_FAR, _FAR)], axis=0)
             differs &= ~(jump <= _SHRINKS * far_difference)
+        if differs.any() and np.isfinite(jump[differs]).all():
+            differs &= ~(_scatter(at) >= _SCATTER * jump)
     if not differs.any():
         return None
     row, column = np.argwhere(differs)[0].tolist()
     return row, column, float(sides[0][row, column]), float(sides[1][row, column])
+
+
+def _scatter(at: Callable[[float], Vector]) -> Vector:
+    """How far the entries of `at(share)` go back and forth on one side of the point, of the table's shape.
+
+    What is smooth on each side, be its slope infinite, is monotone that close; rounding errors are not, such as those
+    of accelerations in the elongated pose of an arm.
+    """
+    steps = (np.diff([at(side * _CLOSE * share) for share in _BESIDE], axis=0) for side in (-1.0, 1.0))
+    return np.asarray(np.max([np.abs(d).sum(axis=0) - np.abs(d.sum(axis=0)) for d in steps], axis=0))
 
 
 def _displacements(

@@ -32,6 +32,7 @@ from acausal import (
     where,
 )
 from acausal.errors import ExportError
+from acausal.export.kinks import two_sides
 from acausal.models.drilling_breakthrough import ConstantForceDrilling
 
 Rate = Callable[[Any], Expr]
@@ -88,3 +89,13 @@ def test_a_drill_that_begins_to_touch_has_no_slopes() -> None:
     """Its tip stands on the surface at the start: the force has a slope on one side only (equation 20 of the paper)."""
     with pytest.raises(ExportError, match="AC604"):
         acausal.linearize(ConstantForceDrilling())
+
+
+@pytest.mark.parametrize("kink", [0.0, 1e-6, 1.0])
+def test_rounding_errors_are_no_kink_and_hide_none(kink: float) -> None:
+    """A slope that is known to eight digits only, as those of an arm whose inertia matrix is nearly singular."""
+
+    def at(share: float) -> Any:
+        return np.array([[2.0 + kink * (share > 0.0) + 1e-8 * np.sin(1e15 * share)]])
+
+    assert (two_sides(at) is None) == (kink == 0.0)
