@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,11 @@ from acausal.simulate.options import options as run_options
 
 
 def fingerprint(compiled: CompiledModel) -> str:
-    """Hash of the equations and parameters, by which a file recognises the model of its sweep."""
+    """Hash of all that decides the numbers of a run, by which a file recognises the model of its sweep.
+
+    Besides equations and parameters these are the magnitudes by which tolerances are scaled, and the experiment of the
+    model: its tolerance, solver and steps hold where a sweep names none.
+    """
     parts = [compiled.rhs.serialize(), compiled.modes.serialize(), compiled.instants.serialize()]
     parts += [compiled.observe.serialize(), compiled.guess.serialize(), compiled.conditions.serialize()]
     events = compiled.events
@@ -29,7 +34,9 @@ def fingerprint(compiled: CompiledModel) -> str:
     values = np.array(compiled.parameter_values, dtype=float)
     named = compiled.parameters, compiled.parameter_values, compiled.states, compiled.inputs
     demanded = _demands(compiled)
-    parts.append(json.dumps([*named, clocks(compiled, values), demanded]))
+    sizes = compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
+    own = [asdict(compiled.flat.experiment), *sizes]
+    parts.append(json.dumps([*named, clocks(compiled, values), demanded, own]))
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 

@@ -10,7 +10,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -240,7 +240,7 @@ def test_another_sweep_does_not_go_on_in_the_file(tmp_path: Path, vary: Any, opt
     assert len(acausal.load_sweep(file)) == 2
 
 
-@pytest.mark.parametrize("number", ["power", "level", "interval", "delay", "limit"])
+@pytest.mark.parametrize("number", ["power", "level", "interval", "delay", "limit", "nominal", "max_step"])
 def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path, number: str) -> None:
     file = tmp_path / "x.sweep"
     acausal.sweep(_written()(), {"k": [1.0]}, file=file, workers=1)
@@ -249,13 +249,20 @@ def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path, number: str)
 
 
 def _written(
-    power: float = 2.0, level: float = 0.5, interval: float = 0.5, delay: float = 0.1, limit: float = 9.0
+    power: float = 2.0,
+    level: float = 0.5,
+    interval: float = 0.5,
+    delay: float = 0.1,
+    limit: float = 9.0,
+    nominal: float = 1.0,
+    max_step: float | None = None,
 ) -> Any:
     class Model(acausal.Component):
         k: acausal.Real = acausal.parameter(default=1.0)
-        x: acausal.Real = acausal.variable(default=acausal.fixed(1.0))
+        x: acausal.Real = acausal.variable(default=acausal.fixed(1.0), nominal=nominal)
         y: acausal.Real = acausal.variable(default=acausal.fixed(0.0))
         d: acausal.Real = acausal.discrete(default=acausal.fixed(0.0))
+        experiment: ClassVar[acausal.Experiment] = acausal.Experiment(max_step=max_step)
 
         def equations(self) -> acausal.Equations:
             yield acausal.der(self.x) == -self.k * self.x * power
