@@ -103,7 +103,8 @@ class CasadiEvents:
     react
         `(t, x, z, u, p, m, ticks) -> (x_after, z_after, m_after, settled)`: event iteration at an instant: relations
         flip, `when`s act and discrete equations are solved until nothing changes. `ticks`, shape (clocks,), is 1 for
-        each of `clocks` that ticks at it. `settled` is 0 when the rounds did not suffice. MX.
+        each of `clocks` that ticks at it. `settled` is 0 when the rounds did not suffice, or two clauses set one
+        variable to different values. An integer that gets a fraction is nan. MX.
     clocks
         `(p) -> (first, interval)`, shape (clocks,): clock k ticks at first[k], first[k] + interval[k], ...
     round
@@ -148,8 +149,9 @@ class CasadiModel:
         `(p) -> (x0, z0)`: the start conditions. States given outright are expressions of p; where others, or z, have
         to be solved for, a rootfinder is inside (MX). Inputs have their start values in it.
     step
-        `(t, x, u, p, h) -> (x_next, y)`: one step of length h [s] of the classical Runge-Kutta method on `ode`, y at
-        its end. Unstable where h times the fastest eigenvalue passes 2.8; `acausal.step_function` has implicit ones.
+        `(t, x, u, p, h) -> (x_next, y, too_large)`: one step of length h [s] of the classical Runge-Kutta method on
+        `ode`, y at its end. `too_large` is 1 where the method is unstable at this h, so that x_next means nothing;
+        `acausal.step_function` has implicit methods.
     invariants
         `(t, x, z, u, p) -> (position, velocity)`: constraints that bind the states, as stated, and differentiated:
         both are 0 along solutions, and at consistent starts. The functions above draw states back to them at the rate

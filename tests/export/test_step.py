@@ -99,6 +99,45 @@ def test_a_step_beyond_the_explicit_limit_says_so(method: str, limit: float) -> 
         assert float(y[step.y.position("step.too_large")]) == expected
 
 
+class Oscillating(Component):
+    """x'' = -w^2 x - 2 d w x', in units in which the speed is small or large."""
+
+    w: Real = parameter(default=1.0)
+    d: Real = parameter(default=0.0)
+    x: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -(self.w**2) * self.x - 2.0 * self.d * self.w * self.v
+
+
+@pytest.mark.parametrize("w", [1e-3, 1.0, 100.0])
+@pytest.mark.parametrize(
+    ("method", "reach", "d", "large"),
+    [("rk4", 0.1, 0.0, 0), ("rk4", 2.7, 0.0, 0), ("rk4", 2.95, 0.0, 1), ("rk4", 2.2, 0.7, 0), ("rk4", 3.2, 0.7, 1)]
+    + [("rk2", 0.1, 0.0, 0), ("rk2", 0.4, 0.0, 1), ("rk2", 1.2, 0.7, 0), ("rk2", 2.2, 0.7, 1)],
+)
+def test_oscillations_are_unstable_where_the_stability_function_says_so(
+    method: str, reach: float, d: float, large: int, w: float
+) -> None:
+    # |1 + z + z^2/2 (+ z^3/6 + z^4/24)| at z = h w (-d + i sqrt(1 - d^2)), Hairer and Wanner, IV.2; whatever the units
+    z = reach * complex(-d, math.sqrt(1 - d * d))
+    size = abs(sum(z**k / math.factorial(k) for k in range(3 if method == "rk2" else 5)))
+    assert large == (math.log(size) > 0.003 * reach)
+    compiled = acausal.compile(Oscillating(w=w, d=d))
+    made = step_function(compiled, reach / w, method)
+    x, p = np.array(made.x.start), np.array(made.p.start)
+    flags = []
+    for _ in range(20):
+        x, y = (np.asarray(v).ravel() for v in made.function(x, [], p))
+        flags.append(y[made.y.position("step.too_large")])
+    assert flags == [large] * 20
+    if method == "rk4":  # the step of `casadi()` says the same
+        model = compiled.casadi()
+        assert float(model.step(model.x.start, [], model.p.start, reach / w)[2]) == large
+
+
 def test_a_drill_passes_its_contact_in_steps_that_say_they_are_too_large() -> None:
     """`simulate` refuses 10 ms for this drill (AC405)."""
     step = step_function(acausal.compile(ThickBlock()), 0.01, "rk4", [])

@@ -431,3 +431,33 @@ def test_an_integer_that_gets_a_fraction_is_nan(by: float, after: float) -> None
     step = step_function(acausal.compile(Halves(by=by)), 0.1, "rk4", [])
     found = np.array(step.function(step.x.start, (), step.p.start)[0]).ravel()[step.x.names.index("n")]
     assert found == pytest.approx(after, nan_ok=True)
+
+
+@pytest.mark.parametrize(("by", "after"), [(1.0, 1.0), (1.5, math.nan)])
+def test_an_integer_that_gets_a_fraction_is_nan_in_react(by: float, after: float) -> None:
+    model = acausal.compile(Halves(by=by)).casadi(events=True)
+    assert model.events is not None
+    arguments = [0.1, model.x.start, [], [], model.p.start, model.events.m.start, [1.0]]
+    found = np.array(model.events.react(*arguments)[0]).ravel()
+    assert found == pytest.approx(after, nan_ok=True)
+
+
+class Contradicting(Component):
+    """Two clauses that set n at one instant, to the same value or not."""
+
+    other: Real = parameter(default=2.0)
+    x: Real = variable(default=fixed(0.0))
+    n: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield when(self.x > 0.05, reset(self.n, 1.0))
+        yield when(self.x > 0.05, reset(self.n, self.other))
+
+
+@pytest.mark.parametrize(("other", "unsettled"), [(1.0, 0.0), (2.0, 1.0)])
+def test_clauses_that_contradict_each_other_are_said(other: float, unsettled: float) -> None:
+    """Where a run ends with AC504."""
+    step = step_function(acausal.compile(Contradicting(other=other)), 0.1, "rk4", [])
+    y = np.array(step.function(step.x.start, (), step.p.start)[1]).ravel()
+    assert y[step.y.names.index("step.unsettled")] == unsettled

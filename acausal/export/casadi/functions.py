@@ -118,7 +118,7 @@ def _functions(compiled: CompiledModel, form: Form, begin: StartPoint) -> dict[s
         "implicit": implicit_of(form.dae),
         "outputs": outputs_of(form.dae),
         "init": form.init,
-        "step": step_of(ode),
+        "step": step_of(ode, form.x.nominal),
         "invariants": form.invariants,
         "instants": ca.Function("instants", *_instants(compiled), ["p"], ["times"]),
     }
@@ -218,14 +218,18 @@ def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
 
 
 def _react(compiled: CompiledModel, hybrid: HybridStep) -> Any:
-    """Function `(t, x, z, u, p, m, ticks) -> (x, z, m, settled)`: the values after the events of an instant."""
+    """Function `(t, x, z, u, p, m, ticks) -> (x, z, m, settled)`: the values after the events of an instant.
+
+    An integer that gets a fraction is nan.
+    """
     settling = hybrid.settling
     sizes = (1, len(compiled.states), len(compiled.algebraic), len(compiled.inputs), len(compiled.parameters))
     t, x, z, u, p = (ca.MX.sym(n, k) for n, k in zip("txzup", sizes, strict=True))
     m, ticks = ca.MX.sym("m", compiled.n_modes), ca.MX.sym("ticks", settling.samples.stop - settling.samples.start)
     parts = [0, compiled.n_timely, compiled.n_modes]
     after = ca.vertcat(ca.vertsplit(compiled.modes(t, p), parts)[0], ca.vertsplit(m, parts)[1])
-    found = settling.settled(t, _unmoved(compiled)(x, m), z, u, p, after, m, ticks, 0)
+    x_after, *found = settling.settled(t, _unmoved(compiled)(x, m), z, u, p, after, m, ticks, 0)
+    found = [hybrid.whole_numbers(x_after), *found]
     return ca.Function(
         "react", [t, x, z, u, p, m, ticks], found, [*_ARGUMENTS, "ticks"], ["x_after", "z_after", "m_after", "settled"]
     )

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.export.step.stable import differences, unstable
 
 # For variables divided by their nominal magnitude, and residuals divided by `sizes`.
 NEWTON = {"abstol": 1e-14, "abstolStep": 1e-11, "max_iter": 200, "error_on_fail": True}
@@ -66,8 +67,8 @@ def outputs_of(dae: Any) -> Any:
     return ca.Function("outputs", arguments, [dae(*arguments)[2]], dae.name_in(), ["y"])
 
 
-def step_of(ode: Any) -> Any:
-    """Function `(t, x, u, p, h) -> (x_next, y)`: one step of the classical Runge-Kutta method."""
+def step_of(ode: Any, nominal: Sequence[float]) -> Any:
+    """Function `(t, x, u, p, h) -> (x_next, y, too_large)`: one step of the classical Runge-Kutta method."""
     names = ["t", "x", "u", "p"]
     t, x, u, p = (ca.MX.sym(n, ode.size1_in(n)) for n in names)
     h = ca.MX.sym("h")
@@ -77,7 +78,10 @@ def step_of(ode: Any) -> Any:
     k4 = ode(t + h, x + h * k3, u, p)[0]
     after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     y = ode(t + h, after, u, p)[1]
-    return ca.Function("step", [t, x, u, p, h], [after, y], [*names, "h"], ["x_next", "y"])
+    found = differences(lambda x: ode(t + h / 2, x, u, p)[0], h / 2, x + h / 2 * k1, k2, x + h / 2 * k2)
+    large = unstable(4, h, x, ca.DM(nominal), found)
+    results = [after, y, large]
+    return ca.Function("step", [t, x, u, p, h], results, [*names, "h"], ["x_next", "y", "too_large"])
 
 
 def depends_on_time(functions: Sequence[Any]) -> bool:

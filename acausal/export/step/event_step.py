@@ -23,6 +23,8 @@ from acausal.simulate.events.guards import LEAST
 
 # Relative error of states, in their values or nominal magnitudes, assumed when relations are evaluated.
 _KNOWN = 1e-9
+# How an event iteration ends: settled, or with two clauses that set one variable to different values (AC504 of a run).
+_SETTLED, _CLASH = 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +124,7 @@ class Settling:
                 (decided, found.decided),
                 (level, found.level),
                 (flips + ca.if_else(stale, 0, ca.vertcat(ca.SX(0, 1), *wrong)), flips),
-                (0, found.settled),
+                (0, ca.if_else(found.clash, _CLASH, found.settled)),
             )
         ]
         go = ca.Function("go", [state], [ca.cse(ca.densify(ca.vertcat(*after, t, u, p)))])
@@ -143,7 +145,7 @@ class Settling:
         places = [a.position for a in self.compiled.state_events.assignments]
         stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
         # what has not settled goes on as it is, and says so if turns do not suffice
-        more = ca.logic_and(stale, settled)
+        more = ca.logic_and(stale, settled == _SETTLED)
         if self.memories.stop > self.memories.start:  # of no memories CasADi makes a row here and a column there
             m[self.memories] = ca.if_else(more, found.remembered, m[self.memories])
         anew = [ca.if_else(more, a, b) for a, b in ((last.conditions, was), (0, decided), (0, level), (0, flips))]
@@ -161,7 +163,7 @@ class Settling:
         if self.samples.stop > self.samples.start and self.memories.stop > self.memories.start:
             found = Round(*self.compiled.events.round(t, x, z, u, p, m, was, decided, level))
             m[self.memories] = found.remembered
-        return ca.Function("last", [state], [ca.densify(v) for v in (x, z, m, settled)])
+        return ca.Function("last", [state], [ca.densify(v) for v in (x, z, m, settled == _SETTLED)])
 
     def _wrong(self, here: list[Any], fresh: Any, flips: Any) -> list[Any]:
         """Relations that do not hold, or are at their guard and about to change; the latter once `pre` is up to date.

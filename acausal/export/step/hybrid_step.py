@@ -153,7 +153,7 @@ class HybridStep:
         texts = self.compiled.events.texts
         return (
             f"the event iteration of a step has {self.settling.turns} turns; step.unsettled in y is 1 if they did not "
-            "suffice",
+            "suffice, or if two clauses set one variable to different values",
             *[
                 f"a step of {self.h:g} s locates one event; step.unlocated in y is 1 if another relation changes after "
                 "it, if one changes twice, or if its sides stay equal: choose a smaller step. Relations are evaluated "
@@ -188,9 +188,9 @@ class HybridStep:
         for k in range(late.numel()):
             located = ca.logic_and(located, ca.logic_not(late[k]))
         x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
-        return self._whole_numbers(x), z, m, ca.logic_and(settled, also), located
+        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located
 
-    def _whole_numbers(self, x: Any) -> Any:
+    def whole_numbers(self, x: Any) -> Any:
         """The states x, and nan for integers that have a fraction: a run ends there with AC147."""
         places = integers(self.compiled)
         if not places:

@@ -23,6 +23,8 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.export.step.stable import differences, unstable
+
 METHODS = ("rk2", "rk4", "rosenbrock", "sdirk")
 IMPLICIT = ("rosenbrock", "sdirk")
 _NEWTON_STEPS = 3
@@ -54,31 +56,23 @@ class Method:
     constant: int = 0
 
     @property
-    def limit(self) -> float | None:
-        """Stability limit of an explicit method: the largest |step * eigenvalue| on the negative real axis.
+    def is_explicit(self) -> bool:
+        """Whether steps can be too large for it."""
+        return self.name not in IMPLICIT
 
-        None for implicit methods. Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, IV.2.
-        """
-        return {"rk2": 2.0, "rk4": 2.785}.get(self.name)
-
-    def stiffness(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any], nominal: Any) -> Any:
-        """Estimate of step * largest eigenvalue from the difference of two stages at one time.
-
-        Source: Hairer and Wanner, IV.2, stiffness detection: |f(a) - f(b)| / |a - b| is a lower bound, which is
-        attained when the difference of the stages is in the direction of the fastest mode.
-        """
+    def too_large(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any], nominal: Any) -> Any:
+        """1 where a step from here amplifies a mode that decays, from differences of two stages at one time."""
         z1 = self.algebraic(t, x, z, held)
         k1 = self.rates(t, x, z1, *held)[0]
         reach = h if self.name == "rk2" else h / 2
         a = x + reach * k1
-        za = self.algebraic(t + reach, a, z1, held)
-        ka = self.rates(t + reach, a, za, *held)[0]
+
+        def rates(x: Any) -> Any:
+            return self.rates(t + reach, x, self.algebraic(t + reach, x, z1, held), *held)[0]
+
+        ka = rates(a)
         b = x + h / 2 * (k1 + ka) if self.name == "rk2" else x + reach * ka
-        kb = self.rates(t + reach, b, self.algebraic(t + reach, b, za, held), *held)[0]
-        apart = ca.sumsqr((b - a) / nominal)
-        # ignore differences within rounding
-        known = apart > 1e-24 * (1 + ca.sumsqr(x / nominal))
-        return ca.if_else(known, h * ca.sqrt(ca.sumsqr((kb - ka) / nominal) / ca.if_else(known, apart, 1)), 0)
+        return unstable(2 if self.name == "rk2" else 4, h, x, nominal, differences(rates, reach, a, ka, b))
 
     @property
     def _nx(self) -> int:

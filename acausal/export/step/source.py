@@ -47,7 +47,8 @@ class StepFunction:
     x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events,
     then the time where the equations depend on it. y belongs to the new x. u is constant during the `step` [s].
 
-    y ends with the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns were used up;
+    y ends with the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns were used up,
+    or two clauses set one variable to different values;
     `step.unlocated`, more happened than the one event that is located: another relation was passed, one was there and
     back, or time came to an instant at which a relation of it changes, or a clock ticks, before the end of the step;
     `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing.

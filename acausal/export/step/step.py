@@ -88,9 +88,9 @@ class _Builder:
         self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
         rates_of = ca.Function("rates", s.inputs, [ca.densify(v) for v in rates])
         self.method = Method(method, rates_of, compiled.discretes)
-        if self.method.limit is not None:
-            size = self.method.stiffness(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
-            self.stiffness = ca.Function("stiffness", s.inputs, [ca.densify(size)])
+        if self.method.is_explicit:
+            large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
+            self.too_large = ca.Function("too_large", s.inputs, [ca.densify(large)])
         self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if events else None
 
     def result(self) -> StepFunction:
@@ -134,8 +134,7 @@ class _Builder:
         on_grid = ca.fabs(start + turn * h - clock) < at_end(clock, h)
         t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
         before = hybrid.modes(t, kept) if hybrid else self._timely(t)
-        limit = self.method.limit
-        flags = [] if limit is None else [self.stiffness(t, x, z, self.u, self.p, before) > limit]
+        flags = [self.too_large(t, x, z, self.u, self.p, before)] if self.method.is_explicit else []
         if hybrid:
             x, z, m, settled, located = hybrid.step(t, x, z, before)
             kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
@@ -160,11 +159,13 @@ class _Builder:
     @property
     def flags(self) -> list[Port]:
         """Ports of the flags after the outputs."""
-        unsettled = Port("step.unsettled", "", "1 if the event iteration of the step did not end", 0.0)
+        unsettled = Port(
+            "step.unsettled", "", "1 if the event iteration of the step did not end, or contradicts itself", 0.0
+        )
         missed = Port("step.unlocated", "", "1 if the step missed an event besides the one it located", 0.0)
         large = Port("step.too_large", "", "1 if the explicit method is unstable at this step", 0.0)
         events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
-        return events + [large] * (self.method.limit is not None)
+        return events + [large] * self.method.is_explicit
 
     def _timely(self, t: Any) -> Any:
         """Modes just after an instant; those of variables are not looked at."""
