@@ -115,8 +115,17 @@ class Oscillating(Component):
 @pytest.mark.parametrize("w", [1e-3, 1.0, 100.0])
 @pytest.mark.parametrize(
     ("method", "reach", "d", "large"),
-    [("rk4", 0.1, 0.0, 0), ("rk4", 2.7, 0.0, 0), ("rk4", 2.95, 0.0, 1), ("rk4", 2.2, 0.7, 0), ("rk4", 3.2, 0.7, 1)]
-    + [("rk2", 0.1, 0.0, 0), ("rk2", 0.4, 0.0, 1), ("rk2", 1.2, 0.7, 0), ("rk2", 2.2, 0.7, 1)],
+    [
+        ("rk4", 0.1, 0.0, 0),
+        ("rk4", 2.7, 0.0, 0),
+        ("rk4", 2.95, 0.0, 1),
+        ("rk4", 2.2, 0.7, 0),
+        ("rk4", 3.2, 0.7, 1),
+        ("rk2", 0.1, 0.0, 0),
+        ("rk2", 0.4, 0.0, 1),
+        ("rk2", 1.2, 0.7, 0),
+        ("rk2", 2.2, 0.7, 1),
+    ],
 )
 def test_oscillations_are_unstable_where_the_stability_function_says_so(
     method: str, reach: float, d: float, large: int, w: float

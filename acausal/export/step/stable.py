@@ -1,9 +1,9 @@
 """Whether an explicit step amplifies a mode, from a few rates near its stages.
 
-The difference of two stages, and what the Jacobian makes of it once and twice, give one pair of modes: v2 == a v1 + b v0
-in least squares, eigenvalues the roots of m^2 - a m - b (Prony's method, 1795; the Krylov space of two vectors). Where
-one pair dominates, it is found whatever the units of the states are. The plain quotient |v1| / |v0| of E. Hairer, G.
-Wanner (Solving Ordinary Differential Equations II, IV.2) is not: for x'' = -w^2 x it lies between 1 and w^2.
+The difference of two stages, and what the Jacobian makes of it once and twice, give one pair of modes: v2 == a v1 + b
+v0 in least squares, eigenvalues the roots of m^2 - a m - b (Prony's method, 1795; the Krylov space of two vectors).
+Where one pair dominates, it is found whatever the units of the states are. The plain quotient |v1| / |v0| of E. Hairer,
+G. Wanner (Solving Ordinary Differential Equations II, IV.2) is not: for x'' = -w^2 x it lies between 1 and w^2.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ def unstable(order: int, h: Any, x: Any, nominal: Any, vectors: tuple[Any, Any, 
 
 def amplification(order: int, re: Any, im: Any) -> Any:
     """|R(re + i im)| of the truncated exponential, the stability function of such a method."""
-    power, total = (1, 0), [1, 0]
+    power: tuple[Any, Any] = (1, 0)
+    total: list[Any] = [1, 0]
     for k in range(1, order + 1):
         power = (power[0] * re - power[1] * im, power[0] * im + power[1] * re)
         total = [total[j] + power[j] / factorial(k) for j in range(2)]
