@@ -117,7 +117,8 @@ def linearize(
         A component or a compiled model.
     t
         Time [s]; None: the start of the model's experiment, or the end of `result`. When a source switches at this
-        time, the values after it are used.
+        time, the values after it are used. Without `result` the states are those of the start at any time: nothing is
+        simulated.
     x
         Values of states by name; other states have the values of the start or of `result`, projected onto the
         constraints.
@@ -128,7 +129,7 @@ def linearize(
     outputs
         Names of variables for y; None: those declared in the model's class.
     parameters
-        Values by path in SI.
+        Values by path in SI; others are those of `result`.
 
     Raises
     ------
@@ -147,7 +148,10 @@ def linearize(
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
     given = parameters if isinstance(model, CompiledModel) else None
     lasting = lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
-    p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting), **(given or {})})
+    known = _parameters_of_run(compiled, result, lasting)
+    # a component was compiled with what was given, which a run does not know better
+    own = {n: v for n, v in known.items() if not {n, n.partition("[")[0]} & (parameters or {}).keys()}
+    p = parameter_vector(compiled, {**own, **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {}, lasting)
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())

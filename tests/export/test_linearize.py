@@ -87,6 +87,16 @@ def test_a_run_brings_its_parameters_and_inputs() -> None:
     np.testing.assert_allclose(linear.B, [[0.0], [0.5]])
 
 
+@pytest.mark.parametrize("compiled", [False, True])
+def test_parameters_that_are_given_are_not_those_of_the_run(compiled: bool) -> None:
+    """B = 1/m, with the mass of the run or another one; the inputs stay those of the run."""
+    run = acausal.simulate(Slider(), inputs={"u": 3.0}, parameters={"m": 2.0}, stop_time=1.0)
+    model = acausal.compile(Slider()) if compiled else Slider()
+    linear = acausal.linearize(model, result=run, parameters={"m": 4.0})
+    np.testing.assert_allclose(linear.B, [[0.0], [0.25]])
+    np.testing.assert_allclose(linear.u, [3.0])
+
+
 def test_unknown_names() -> None:
     cases: tuple[dict[str, Any], ...] = ({"x": {"mass.w": 1.0}}, {"outputs": ["mass.w"]})
     for keywords in cases:
