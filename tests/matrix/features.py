@@ -44,6 +44,8 @@ class Feature:
         Eigenvalues of the linearised model at the start, where they have a closed form. [1/s]
     refused
         Code with which every run has to end, and the time at which.
+    other_start
+        Whether it is a feature before, from another start: what runs it again has nothing new to find.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Feature:
     inputs: Mapping[str, float] = field(default_factory=dict)
     refused: tuple[str, float] | None = None
     cost: float = 1.0
+    other_start: bool = False
 
 
 def smooth(t: Array, k: float) -> Values:
@@ -321,7 +324,17 @@ FEATURES: tuple[Feature, ...] = (
     Feature("dae", models.Algebraic, 2.0, algebraic, "separation of variables", "a", 1.5, poles=(-1.5 / 1.432,)),
     Feature("index 3", models.Pendulum, 3.0, pendulum, "elliptic functions", "g", 9.81),
     *(
-        Feature(f"four-bar {phi0:g}", four_bar_model(phi0), 2.0, four_bar(phi0), "energy integral", "w0", 4.0, cost=3.0)
+        Feature(
+            f"four-bar {phi0:g}",
+            four_bar_model(phi0),
+            2.0,
+            four_bar(phi0),
+            "energy integral",
+            "w0",
+            4.0,
+            cost=3.0,
+            other_start=phi0 != 0.25,
+        )
         for phi0 in (0.25, 0.5, 1.0, 2.3)
     ),
     Feature("time event", models.Pulse, 1.0, pulse, "closed form", "a", 30.0, poles=(-1.0,)),

@@ -15,12 +15,20 @@ SLOW = (*(f"{solver} native" for solver in SOLVERS), "accuracy", "bench", "rk fi
 # What runs a model several times is left to the slow part where once takes its time.
 SEVERAL = ("stability", "threads", "twice")
 
+# What runs a model once more, or reads its result otherwise, is the same from another start.
+AGAIN = ("twice", "fresh compile", "accuracy", "other interval", "other stop", "bench", "at", "pickled", "threads")
+
+# `accuracy` is a bench, which every feature has as a verb of its own, and then a run: some kinds of models show it.
+BENCHED = ("smooth", "dae", "four-bar 0.25", "time event", "delay", "bouncing to rest", "inputs", "assertion broken")
+
 
 def cells() -> list[ParameterSet]:
     """Pairs of a feature and a verb; those outside the quick part are marked."""
     found: list[ParameterSet] = []
     for feature in FEATURES:
         for verb in VERBS:
+            if (feature.other_start and verb in AGAIN) or (verb == "accuracy" and feature.name not in BENCHED):
+                continue
             costs = feature.cost > 2.0 or (feature.cost > 1.0 and verb in SEVERAL)
             marks = (pytest.mark.slow,) if verb in SLOW or costs else ()
             found.append(pytest.param(feature, verb, id=f"{feature.name}, {verb}", marks=marks))

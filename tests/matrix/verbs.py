@@ -123,7 +123,7 @@ def fresh_compile(feature: Feature) -> None:
 
 def accuracy(feature: Feature) -> None:
     result = run(feature, accuracy=1e-5, tolerance=None)
-    right(feature, result, tolerance=max(1e-4, 10 * feature.tolerance))
+    right(feature, result, tolerance=max(3e-5, feature.tolerance))
 
 
 def outputs(feature: Feature) -> None:
