@@ -9,6 +9,7 @@ from typing import Any
 
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
+from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compile import compile
@@ -107,7 +108,7 @@ def simulate(
     if recipe is not None and accuracy is None:
         chosen = options(type(recipe.model).experiment, **asked)
         return Pieces(recipe, chosen, recipe.parameters, _piece(inputs, start, chosen, force), progress).result()
-    compiled = _compiled(model, parameters, outputs if recipe is None else None)
+    compiled = _compiled(model, parameters, outputs if recipe is None else None, is_fixed=recipe is None)
     compiled = with_starts(compiled, start) if start else compiled
     own = parameters if isinstance(model, CompiledModel) else None
     if accuracy is not None:
@@ -203,11 +204,18 @@ def _check_choices(compiled: CompiledModel, p: Vector) -> None:
 
 
 def _compiled(
-    model: Component | CompiledModel, parameters: Mapping[str, object] | None, outputs: Sequence[str] | None
+    model: Component | CompiledModel,
+    parameters: Mapping[str, object] | None,
+    outputs: Sequence[str] | None,
+    is_fixed: bool,
 ) -> CompiledModel:
-    """The model compiled; AC018 for outputs of one that has its own already."""
+    """The model compiled; AC018 for outputs of one that has its own already.
+
+    `is_fixed`: no component changes its structure during a run, so that there is nothing to choose.
+    """
     if not isinstance(model, CompiledModel):
-        return compile(model, parameters=parameters, outputs=outputs)
+        choices: dict[str, Choice] | None = {} if is_fixed and outputs is None else None
+        return compile(model, parameters=parameters, outputs=outputs, choices=choices)
     if outputs is not None:
         raise UsageError(
             "AC018", "a compiled model has its outputs already", help="give them to compile(model, outputs=[...])"
