@@ -206,6 +206,10 @@ class Result:
         values = values.reshape(times.shape + shape)
         return values if values.ndim else float(values)
 
+    def rows(self, times: Array) -> Array:
+        """The trajectories at `times` of the run, shape (n,), as `at` gives signals; shape (n, k)."""
+        return self._rows(times, list(range(self.matrix.shape[1])), 0.0)
+
     def _assemble(
         self, signals: Sequence[Signal], shape: tuple[int, ...], n: int, read: Callable[[list[int]], Array]
     ) -> Array:

@@ -310,7 +310,7 @@ class Island:
 
 
 def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ...]:
-    """Groups of outputs without common states and algebraic variables; outputs without any are in no group.
+    """Groups of outputs without common states and algebraic variables; outputs without any are in the first.
 
     Models with events are one island, because an event in one part stops the integration of all.
     """
@@ -319,7 +319,8 @@ def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ..
     depends = dependence(solution)
     dynamic = {*solution.structure.states, *solution.algebraic}
     behind: dict[str, frozenset[int]] = {}
-    for name, scalar in output_scalars(reduced.flat, outputs).items():
+    scalars = output_scalars(reduced.flat, outputs)
+    for name, scalar in scalars.items():
         found = depends.closure(solution, reduced.pool.variables_in(reduced.image[scalar])) & dynamic
         if found:
             behind[name] = frozenset(found)
@@ -335,9 +336,12 @@ def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ..
     groups: dict[int, list[str]] = {}
     for k, name in enumerate(names):
         groups.setdefault(sets.find(k), []).append(name)
+    constant = compiled.selection.constant if compiled.selection is not None else ()
+    for group in list(groups.values())[:1]:  # what follows from time and inputs alone is computed beside any of them
+        group += [name for name in scalars if name not in behind and name not in constant]
     found_islands = []
     for group in groups.values():
-        own = frozenset().union(*(behind[name] for name in group))
+        own = frozenset().union(*(behind[name] for name in group if name in behind))
         states = tuple(reduced.name(x) for x in solution.structure.states if x in own)
         found_islands.append(Island(tuple(group), states))
     return tuple(found_islands)
@@ -361,16 +365,14 @@ def _join(results: Sequence[Result]) -> Result:
     columns: list[Vector] = []
     signals: dict[str, Signal] = {}
     for result in results:
-        rows = np.empty((len(time), result.matrix.shape[1]))
-        for k, row in enumerate(_rows(result, time)):
-            rows[k] = row
         first = sum(c.shape[1] for c in columns)
-        columns.append(rows)
+        columns.append(_rows(result, time))
         for name, signal in result.signals.items():
             moved = signal if signal.column is None else replace(signal, column=signal.column + first)
             if name not in signals or signal.column is not None:
                 signals[name] = moved
-    stats = {**results[0].stats, "islands": [dict(r.stats) for r in results]}
+    notes: Any = [note for r in results for note in r.stats.get("notes", ())]  # type: ignore[attr-defined]
+    stats = {**results[0].stats, "notes": tuple(dict.fromkeys(notes)), "islands": [dict(r.stats) for r in results]}
     events = tuple(sorted((e for r in results for e in r.events), key=lambda e: e.time))
     return Result(results[0].model, time, np.hstack(columns), signals, events, stats)
 
@@ -385,17 +387,16 @@ def _union(times: Sequence[Vector]) -> Vector:
     return np.array([t for t in sorted(most) for _ in range(most[t])])
 
 
-def _rows(result: Result, time: Vector) -> list[Vector]:
-    """Rows of a result, each of shape (columns,), at times that include its own."""
-    found = []
-    k = -1
+def _rows(result: Result, time: Vector) -> Vector:
+    """Rows of a result, shape (n, columns), at times that include its own, those of its events twice."""
+    rows = np.empty((len(time), result.matrix.shape[1]))
+    k, between = -1, []
     for i, t in enumerate(time):
         if k + 1 < len(result.time) and result.time[k + 1] == t:
             k += 1
-            found.append(result.matrix[k])
-        elif k >= 0 and result.time[k] == t:
-            found.append(result.matrix[k])
+        if k >= 0 and result.time[k] == t:
+            rows[i] = result.matrix[k]
         else:
-            assert result.dense is not None, "a run just made can be asked at any time"
-            found.append(result.dense(np.array([time[i]]))[0])
-    return found
+            between.append(i)
+    rows[between] = result.rows(time[between])
+    return rows

@@ -62,15 +62,17 @@ def test_islands_solved_apart_give_the_same() -> None:
 
 
 class TwoPulses(Component):
-    """Two lags that switch at different times."""
+    """Two lags that switch at different times, and a signal of time that neither needs."""
 
     t_a: Real = parameter(default=0.3, unit="s")
     t_b: Real = parameter(default=0.7, unit="s")
     T: Real = parameter(default=0.1, unit="s")
     a: Real = variable(default=fixed(0.0))
     b: Real = variable(default=fixed(0.0))
+    square: Real = variable(unit="s2")
 
     def equations(self) -> Equations:
+        yield self.square == acausal.time**2
         yield self.T * acausal.der(self.a) == acausal.where(acausal.time < self.t_a, 0.0, 1.0) - self.a
         yield self.T * acausal.der(self.b) == acausal.where(acausal.time < self.t_b, 0.0, 1.0) - self.b
 
@@ -81,6 +83,12 @@ def test_islands_with_events_of_their_own_are_joined_at_all_times() -> None:
         expected = np.where(result.time < start, 0.0, 1.0 - np.exp(-(result.time - start) / 0.1))
         np.testing.assert_allclose(result[name], expected, atol=1e-7)
     assert [e.time for e in result.events] == [0.3, 0.7]
+
+
+@pytest.mark.parametrize("outputs", [["a", "b", "square"], ["square", "b"], ["square"]])
+def test_outputs_of_time_alone_are_in_the_joined_result(outputs: list[str]) -> None:
+    result = acausal.reduce(TwoPulses(), outputs, compare=False).simulate(stop_time=1.0, tolerance=1e-9)
+    np.testing.assert_allclose(result["square"], result.time**2, atol=1e-12)
 
 
 def test_zeros_that_hide_a_plane_are_hinted_at() -> None:
