@@ -46,6 +46,7 @@ static int acausal_lu(const casadi_real* a, casadi_real* lu, casadi_real* x) {
   return 1;
 }
 
+#ifndef LU_WRITTEN_OUT
 static void acausal_lu_solve(const casadi_real* lu, casadi_real* v, casadi_real* x) {
   const casadi_real *l = lu, *u = l + lu_left[LU_ROWS], *inverse = u + lu_right[LU_ROWS];
   casadi_int i, k;
@@ -61,4 +62,5 @@ static void acausal_lu_solve(const casadi_real* lu, casadi_real* v, casadi_real*
     v[lu_order[i]] = x[i];
   }
 }
+#endif
 

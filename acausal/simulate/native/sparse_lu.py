@@ -28,6 +28,8 @@ _CHANGES: tuple[tuple[str, str], ...] = (
         "    for (k = 0; k < nrhs; ++k) acausal_lu_solve(r->iter_v, v + k * n, r->qr_w);\n    return;\n  }\n\\g<0>",
     ),
 )
+# Entries of L and U up to which the solution is written out.
+_MOST_WRITTEN_OUT = 400
 _PLACE = "struct casadi_rosenbrock_prob {\n"
 
 
@@ -115,10 +117,30 @@ def _code(plan: Elimination) -> str:
         "given_from": [place for row in plan.given for _, place in row],
     }
     lines = [f"#define LU_ROWS {len(plan.order)}\n"]
+    if len(arrays["left_at"]) + len(arrays["right_at"]) <= _MOST_WRITTEN_OUT:
+        lines += ["#define LU_WRITTEN_OUT\n", _written_out(plan)]
     for name, numbers in arrays.items():
         text = ", ".join(map(str, numbers)) or "0"
         lines.append(f"static const casadi_int lu_{name}[{max(len(numbers), 1)}] = {{{text}}};\n")
     return "".join(lines) + Path(__file__).with_name("sparse_lu.c").read_text(encoding="utf-8")
+
+
+def _written_out(plan: Elimination) -> str:
+    """The solution without loops: a third of the time for a ball of 13 states, at eight of them a step."""
+    n = len(plan.order)
+    lower, upper = sum(map(len, plan.left)), sum(map(len, plan.right))
+    lines, at = [], 0
+    for k, columns in enumerate(plan.left):
+        terms = "".join(f" - lu[{at + j}]*x{c}" for j, c in enumerate(columns))
+        lines.append(f"  casadi_real x{k} = v[{plan.order[k]}]{terms};\n")
+        at += len(columns)
+    for k in reversed(range(n)):
+        at = lower + sum(map(len, plan.right[:k]))
+        terms = "".join(f" - lu[{at + j}]*x{c}" for j, c in enumerate(plan.right[k]))
+        lines.append(f"  x{k} = (x{k}{terms}) * lu[{lower + upper + k}];\n")
+    lines += [f"  v[{row}] = x{k};\n" for k, row in enumerate(plan.order)]
+    head = "static void acausal_lu_solve(const casadi_real* lu, casadi_real* v, casadi_real* x) {\n  (void) x;\n"
+    return "".join((head, *lines, "}\n"))
 
 
 def _rows(name: str, rows: Sequence[Sequence[int]]) -> dict[str, list[int]]:

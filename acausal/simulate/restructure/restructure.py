@@ -56,7 +56,7 @@ _MOST_FORESEEN = 0.3
 # And so many times as long as the last at most; each look concerns all bodies, however little has happened.
 _GROWTH = 4.0
 # Rows between two looks that are looked at, if there are more: those at events of one body are rows of all others.
-_ROWS = 256
+_ROWS = 64
 _SHORTEST = 1e-9
 
 
