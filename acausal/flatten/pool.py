@@ -396,8 +396,26 @@ class Pool:
         return list(self._variables_of_many((root,)))
 
     def _variables_of_many(self, roots: Iterable[int]) -> set[int]:
-        nodes = self.nodes
-        return {nodes[n][1] for n in self.reachable(roots) if nodes[n][0] == "var"}
+        nodes, known = self.nodes, self._variables
+        stack = list(roots)
+        if len(stack) * _MANY > len(nodes):
+            return {nodes[n][1] for n in self.reachable(stack) if nodes[n][0] == "var"}
+        seen, found = set[int](), set[int]()
+        while stack:
+            number = stack.pop()
+            if number in seen:
+                continue
+            seen.add(number)
+            if number in known:
+                found.update(known[number])
+                continue
+            node = nodes[number]
+            op = node[0]
+            if op == "var":
+                found.add(node[1])
+            elif op not in LEAVES:
+                stack.extend(node[1:])
+        return found
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
         """Variables that `roots` depend on, also through definitions of variables by nodes."""

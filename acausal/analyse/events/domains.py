@@ -166,7 +166,7 @@ class _Extensions:
     def _has_partial(self, root: int) -> bool:
         """Whether a node contains a partially defined function."""
         known = self._is_partial
-        for number in self.pool.reachable([root], known):
+        for number in () if root in known else self.pool.reachable([root], known):
             op, *operands = self.pool.nodes[number]
             below = op not in LEAVES and any(known[c] for c in operands)
             known[number] = below or (op in _PARTIAL and self._may_fail(op, operands))

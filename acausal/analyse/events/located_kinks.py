@@ -150,7 +150,7 @@ class _Graph:
 
     def moves(self, number: int) -> bool:
         """Whether a node changes between events, also one created after the graph."""
-        for n in self.pool.reachable([number], self.moving):
+        for n in () if number in self.moving else self.pool.reachable([number], self.moving):
             op, *rest = self.pool.nodes[n]
             moving = (op == "var" and rest[0] not in self.discrete) or op == "time"
             self.moving[n] = moving or (op not in LEAVES and any(self.moving[c] for c in rest))
