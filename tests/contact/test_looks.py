@@ -1,0 +1,57 @@
+"""Looks at pairs become rare while nothing comes nearer: a ball that arrives late is found all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, connect, fixed, parameter, part
+from acausal.library.contact import ContactBody, ContactScene, HuntCrossley, Sphere, Surfaces
+from acausal.library.multibody import Body, World
+
+RADIUS, M, SPEED = 0.05, 1.0, 4.0
+
+
+class Row(Component):
+    """Balls in a row without gravity, the first of which is shot at the others; one more flies beside it."""
+
+    speed: Real = parameter(default=SPEED, unit="m/s")
+    world: World = part()
+    balls: list[Body] = part()
+    scene: ContactScene = part()
+
+    def build(self) -> None:
+        self.world = World(g=0.0)
+        inertia = 0.4 * M * RADIUS**2
+        places = [(0.0, 0.0), (1.0, 0.0), (1.6, 0.0), (0.0, 0.3)]
+        self.balls = [
+            Body(
+                m=M,
+                I_11=inertia,
+                I_22=inertia,
+                I_33=inertia,
+                r_0=fixed((x, y, 0.0)),
+                v_0=fixed((self.speed if x == 0.0 else 0.0, 0.0, 0.0)),
+                Q=fixed((0.0, 0.0, 0.0, 1.0)),
+                w_a=fixed((0.0, 0.0, 0.0)),
+            )
+            for x, y in places
+        ]
+        bodies = tuple(ContactBody(name=f"ball{k}", shape=Sphere(RADIUS)) for k in range(len(places)))
+        surfaces = Surfaces(law=HuntCrossley(k=1e6, n=1.5, e=1.0, v_0=0.5))
+        self.scene = ContactScene(bodies=bodies, surfaces=surfaces, skin=0.02, keep=0)
+
+    def equations(self) -> Equations:
+        for k, ball in enumerate(self.balls):
+            yield connect(ball.frame_a, self.scene.frame(f"ball{k}"))
+
+
+def test_a_ball_that_arrives_late_hands_on_its_speed() -> None:
+    """Equal elastic balls exchange their velocities: (1.6 - 4 RADIUS)/SPEED = 0.35 s until the last one moves."""
+    result = acausal.simulate(Row(), stop_time=0.4, tolerance=1e-7, output_interval=1e-3)
+    last = [float(result[f"balls[{k}].v_0[0]"][-1]) for k in range(4)]
+    assert last == pytest.approx([0.0, 0.0, SPEED, SPEED], abs=1e-4)
+    time, x = np.asarray(result.time), np.asarray(result["balls[2].r_0[0]"])
+    # rows are 1 ms apart, and the two contacts take some of them
+    assert 0.349 <= time[np.argmax(x > 1.6 + 1e-6)] <= 0.357
