@@ -190,7 +190,8 @@ def events_of(compiled: CompiledModel, wanted: Sequence[Output]) -> tuple[Casadi
     """
     s = Symbols(compiled)
     rates = compiled.rhs(*s.inputs)
-    method = Method("rk4", ca.Function("rates", s.inputs, [ca.densify(v) for v in rates]))
+    nominal = ca.vertcat(ca.DM(compiled.nominal_x), ca.DM(compiled.nominal_z))
+    method = Method("rk4", ca.Function("rates", s.inputs, [ca.densify(v) for v in rates]), nominal)
     u, p = ca.MX.sym("u", len(compiled.inputs)), ca.MX.sym("p", len(compiled.parameters))
     hybrid = HybridStep(compiled, method, u, p, _INSTANT)
     begin = hybrid.begin()

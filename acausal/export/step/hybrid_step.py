@@ -166,8 +166,8 @@ class HybridStep:
             ),
         )
 
-    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """(x, z, m at the end of a step, whether its events have settled, whether all are located).
+    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+        """(x, z, m at the end of a step, whether its events have settled, whether all are located, rough of `Method`).
 
         An integer that gets a fraction is nan.
         """
@@ -175,20 +175,20 @@ class HybridStep:
         settled: Any = 1
         located: Any = 1
         if self.compiled.state_events.relations:
-            x1, z1, theta, at, xe, ze, flipped, marks, seen = self._locate_first(t, x, z, *held, m)
+            x1, z1, theta, at, xe, ze, flipped, marks, seen, rough = self._locate_first(t, x, z, *held, m)
             nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
             xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
-            x, z, m_end, later = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
-            located = ca.logic_and(seen, later)
+            x, z, m_end, later, far = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
+            located, rough = ca.logic_and(seen, later), ca.logic_or(rough, ca.logic_and(theta < 1, far))
         else:
-            x, z = self._whole(t, x, z, *held, m)
+            x, z, rough = self._whole(t, x, z, *held, m)
             m_end = m
         end = t + self.h
         due, late = self._ticks(end, self.p)
         for k in range(late.numel()):
             located = ca.logic_and(located, ca.logic_not(late[k]))
         x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
-        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located
+        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located, rough
 
     def whole_numbers(self, x: Any) -> Any:
         """The states x, and nan for integers that have a fraction: a run ends there with AC147."""
@@ -204,7 +204,7 @@ class HybridStep:
 
     @cached_property
     def _whole(self) -> Any:
-        """Function `(t, x, z, u, p, m) -> (x, z)`: a step with constant modes."""
+        """Function `(t, x, z, u, p, m) -> (x, z, rough)`: a step with constant modes."""
         s = Symbols(self.compiled)
         return ca.Function("whole", s.inputs, self.method.step(s.t, self.h, s.x, s.z, [s.u, s.p, s.m]))
 
@@ -219,7 +219,8 @@ class HybridStep:
 
     @cached_property
     def _locate_first(self) -> Any:
-        """Function `(t, x, z, u, p, m) -> (x, z after the step, share, instant, x, z there, m flipped, marks, seen)`.
+        """Function `(t, x, z, u, p, m) -> (x, z after the step, share, instant, x, z there, m flipped, marks, seen,
+        rough)`.
 
         It locates the first relation that is crossed, at the relative position `share` (1: none). For each relation,
         `marks` tells whether it is that one, whether it rests on its guard or leaves it, its distance, and its rate at
@@ -229,7 +230,7 @@ class HybridStep:
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
-        x1, z1 = self.method.step(t, self.h, x, z, held)
+        x1, z1, rough = self.method.step(t, self.h, x, z, held)
         g0, g1 = watch(t, x, z, *held), watch(t + self.h, x1, z1, *held)
         # a body at rest that is pressed against its guard does not bounce again
         rate, noise = settling.rates(t, x, z, *held)
@@ -260,13 +261,13 @@ class HybridStep:
         jumps = (ca.logic_and(chosen[k], _rests(g0[k], g1[k])) for k in sorted(self.compiled.state_events.resting))
         missed = any_of((self._dips(t, self.h, x, z, x1, z1, held, theta), unseen, *jumps))
         seen = ca.logic_and(is_found, ca.logic_not(missed))
-        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen)]
+        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen, rough)]
         outputs: list[Any] = ca.cse(found)
         return ca.Function("reached", s.inputs, outputs)
 
     @cached_property
     def _rest_of_step(self) -> Any:
-        """Function of the outputs of `_locate_first` after its event: `-> (x, z, m, seen)` at the end of the step."""
+        """Function of the outputs of `_locate_first` after its event: `-> (x, z, m, seen, rough)` at its end."""
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
@@ -276,7 +277,7 @@ class HybridStep:
         x1, z1, theta, at, xe, ze, me, marks = given
         chosen, resting, launched, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 5
         rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
-        x2, z2 = self.method.step(at, rest, xe, ze, [u, p, me])
+        x2, z2, rough = self.method.step(at, rest, xe, ze, [u, p, me])
         away = settling.rates(at, xe, ze, *held)[0]
         behind = watch(t + self.h, x2, z2, u, p, me) < 0
         passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
@@ -296,7 +297,7 @@ class HybridStep:
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
             new[j] = ca.if_else(rests, m[j], new[j])
-        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed))]
+        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough)]
         return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse(found))
 
     def _rested(self, t: Any, x: Any, z: Any, held: Sequence[Any], resting: Sequence[Any]) -> Any:

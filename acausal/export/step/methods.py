@@ -29,6 +29,8 @@ METHODS = ("rk2", "rk4", "rosenbrock", "sdirk")
 IMPLICIT = ("rosenbrock", "sdirk")
 _NEWTON_STEPS = 3
 _STAGE_STEPS = 4
+# The last step of a converged iteration, by the unknowns and their magnitudes: what is left is its square.
+_CONVERGED = 1e-5
 
 # RODAS3; rows of the lower triangles.
 _GAMMA = 0.5
@@ -53,6 +55,8 @@ class Method:
 
     name: str
     rates: Any
+    nominal: Any
+    """Magnitudes of x and z, shape (nx + nz,)."""
     constant: int = 0
 
     @property
@@ -82,12 +86,20 @@ class Method:
     def _nz(self) -> int:
         return int(self.rates.numel_in(2))
 
-    def step(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
-        """States and algebraic variables after a step of length `h`, which may be an expression."""
+    @property
+    def iterates(self) -> bool:
+        """Whether its steps solve equations by Newton's method."""
+        return self.name == "sdirk" or self._nz > 0
+
+    def step(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
+        """(x, z, rough) after a step of length `h`, which may be an expression.
+
+        `rough` is 1 if Newton's method has not converged in one of the iterations.
+        """
         if self.constant:
             moving = ca.vertsplit(x, [0, self._nx - self.constant, self._nx])
-            new, z = self._moving.step(t, h, moving[0], z, [moving[1], *held])
-            return ca.vertcat(new, moving[1]), z
+            new, z, rough = self._moving.step(t, h, moving[0], z, [moving[1], *held])
+            return ca.vertcat(new, moving[1]), z, rough
         if self.name == "rosenbrock":
             return self._rosenbrock(t, h, x, z, held)
         if self.name == "sdirk":
@@ -96,9 +108,28 @@ class Method:
 
     def algebraic(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
         """Algebraic variables at a point, by a fixed number of Newton steps from `z`."""
+        return self._solved(t, x, z, held)[0]
+
+    def _solved(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
+        """As `algebraic`, and 1 if the last Newton step was large."""
+        before = z
         for _ in range(_NEWTON_STEPS if self._nz else 0):
-            z = self._newton(t, x, z, *held)
-        return z
+            before, z = z, self._newton(t, x, z, *held)
+        return z, self._far(before, z, ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1])
+
+    def rough(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
+        """1 if these are not the algebraic variables at a point, 0 if a further Newton step hardly moves them."""
+        if not self._nz:
+            return ca.SX(0)
+        nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1]
+        return self._far(z, self._newton(t, x, z, *held), nominal)
+
+    def _far(self, before: Any, after: Any, nominal: Any) -> Any:
+        """1 if two iterates differ by more than a converging Newton's method leaves at its last step."""
+        if not after.numel():
+            return ca.SX(0)
+        apart = ca.fabs(after - before) / (ca.fabs(after) + nominal)
+        return ca.sum1(apart <= _CONVERGED) < apart.numel()  # also where one is nan, which a maximum ignores
 
     @cached_property
     def _moving(self) -> Method:
@@ -108,7 +139,8 @@ class Method:
         inner = [here[0], ca.SX.sym("x", moving.numel()), here[2], ca.SX.sym("d", still.numel()), *here[3:]]
         ode, alg = self.rates(here[0], ca.vertcat(inner[1], inner[3]), *here[2:])
         ode = ca.vertsplit(ode, [0, moving.numel(), self._nx])[0]
-        return Method(self.name, ca.Function("rates", inner, [ode, alg]))
+        sizes = ca.vertsplit(ca.DM(self.nominal), [0, moving.numel(), self._nx, self._nx + self._nz])
+        return Method(self.name, ca.Function("rates", inner, [ode, alg]), ca.vertcat(sizes[0], sizes[2]))
 
     def _symbols(self) -> list[Any]:
         """Arguments of `rates`."""
@@ -122,9 +154,14 @@ class Method:
         alg = self.rates(*here)[1]
         return ca.Function("newton", here, [here[2] - ca.solve(ca.jacobian(alg, here[2]), alg)])
 
-    def _explicit(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
+    def _explicit(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
+        rough: Any = ca.SX(0)
+
         def solved(t: Any, x: Any, z: Any) -> Any:
-            return self.algebraic(t, x, z, held)
+            nonlocal rough
+            z, far = self._solved(t, x, z, held)
+            rough = ca.logic_or(rough, far)
+            return z
 
         def rate(t: Any, x: Any, z: Any) -> Any:
             return self.rates(t, x, z, *held)[0]
@@ -134,7 +171,7 @@ class Method:
         if self.name == "rk2":
             z2 = solved(t + h, x + h * k1, z1)
             new = x + h / 2 * (k1 + rate(t + h, x + h * k1, z2))
-            return new, solved(t + h, new, z2)
+            return new, solved(t + h, new, z2), rough
         z2 = solved(t + h / 2, x + h / 2 * k1, z1)
         k2 = rate(t + h / 2, x + h / 2 * k1, z2)
         z3 = solved(t + h / 2, x + h / 2 * k2, z2)
@@ -142,11 +179,11 @@ class Method:
         z4 = solved(t + h, x + h * k3, z3)
         k4 = rate(t + h, x + h * k3, z4)
         new = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return new, solved(t + h, new, z4)
+        return new, solved(t + h, new, z4), rough
 
-    def _rosenbrock(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
+    def _rosenbrock(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
         """RODAS3 for the states; algebraic variables are solved for at each stage, for steps across kinks."""
-        z = self.algebraic(t, x, z, held)
+        z, rough = self._solved(t, x, z, held)
         slope, drift = self._total(t, x, z, *held)
         matrix = ca.sparsify(ca.SX.eye(self._nx) / (h * _GAMMA) - slope)
         stages: list[Any] = []
@@ -154,13 +191,15 @@ class Method:
             point, right = x, gamma * h * drift
             for k, weight, coupling in zip(stages, a, c, strict=True):
                 point, right = point + weight * k, right + (coupling / h) * k
-            z = self.algebraic(t + alpha * h, point, z, held)
+            z, far = self._solved(t + alpha * h, point, z, held)
+            rough = ca.logic_or(rough, far)
             right = right + self.rates(t + alpha * h, point, z, *held)[0]
             stages.append(ca.solve(matrix, ca.densify(right)))
         new = x
         for weight, k in zip(_M, stages, strict=True):
             new = new + weight * k
-        return new, self.algebraic(t + h, new, z, held)
+        z, far = self._solved(t + h, new, z, held)
+        return new, z, ca.logic_or(rough, far)
 
     @cached_property
     def _total(self) -> Any:
@@ -174,20 +213,21 @@ class Method:
             slope = slope - ca.jacobian(ode, here[2]) @ follow
         return ca.Function("total", here, [slope[:, :-1], slope[:, -1]])
 
-    def _sdirk(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
-        first, z = self._stage(t + _DIAGONAL * h, _DIAGONAL * h, x, x, z, held)
+    def _sdirk(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
+        first, z, rough = self._stage(t + _DIAGONAL * h, _DIAGONAL * h, x, x, z, held)
         slope = (first - x) / (_DIAGONAL * h)
         base = x + (1 - _DIAGONAL) * h * slope
         # start at the previous stage: the base of this stage may lie beyond a contact that has closed
-        return self._stage(t + h, _DIAGONAL * h, base, first, z, held)
+        last, z, far = self._stage(t + h, _DIAGONAL * h, base, first, z, held)
+        return last, z, ca.logic_or(rough, far)
 
-    def _stage(self, t: Any, reach: Any, base: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
-        """Solve x == base + reach * rates(x, z), with the algebraic equations, from a guess."""
-        w = ca.vertcat(x, z)
+    def _stage(self, t: Any, reach: Any, base: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
+        """Solve x == base + reach * rates(x, z), with the algebraic equations, from a guess; and 1 if that fails."""
+        w = before = ca.vertcat(x, z)
         for _ in range(_STAGE_STEPS):
-            w = self._stage_step(t, reach, base, w, *held)
+            before, w = w, self._stage_step(t, reach, base, w, *held)
         found = ca.vertsplit(w, [0, self._nx, self._nx + self._nz])
-        return found[0], found[1]
+        return found[0], found[1], self._far(before, w, ca.DM(self.nominal))
 
     @cached_property
     def _stage_step(self) -> Any:

@@ -51,7 +51,8 @@ class StepFunction:
     or two clauses set one variable to different values;
     `step.unlocated`, more happened than the one event that is located: another relation was passed, one was there and
     back, or time came to an instant at which a relation of it changes, or a clock ticks, before the end of the step;
-    `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing.
+    `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing;
+    `step.unconverged`, the fixed number of Newton steps did not solve the algebraic equations, or those of a stage.
     """
 
     name: str

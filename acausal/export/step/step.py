@@ -87,10 +87,12 @@ class _Builder:
         rates = compiled.rhs(*s.inputs)
         self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
         rates_of = ca.Function("rates", s.inputs, [ca.densify(v) for v in rates])
-        self.method = Method(method, rates_of, compiled.discretes)
+        nominal = ca.vertcat(ca.DM(compiled.nominal_x), ca.DM(compiled.nominal_z))
+        self.method = Method(method, rates_of, nominal, compiled.discretes)
         if self.method.is_explicit:
             large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
             self.too_large = ca.Function("too_large", s.inputs, [ca.densify(large)])
+        self.rough = ca.Function("rough", s.inputs, [self.method.rough(s.t, s.x, s.z, [s.u, s.p, s.m])])
         self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if events else None
 
     def result(self) -> StepFunction:
@@ -136,15 +138,17 @@ class _Builder:
         before = hybrid.modes(t, kept) if hybrid else self._timely(t)
         flags = [self.too_large(t, x, z, self.u, self.p, before)] if self.method.is_explicit else []
         if hybrid:
-            x, z, m, settled, located = hybrid.step(t, x, z, before)
+            x, z, m, settled, located, rough = hybrid.step(t, x, z, before)
             kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
             flags = [ca.logic_not(settled), ca.logic_or(ca.logic_not(located), inside(compiled, t, h, self.p)), *flags]
         else:
             flags = [*([inside(compiled, t, h, self.p)] if compiled.n_timely else []), *flags]
-            x, z = self.method.step(t, h, x, z, [self.u, self.p, before])
+            x, z, rough = self.method.step(t, h, x, z, [self.u, self.p, before])
             m = self._timely(end)
             if compiled.n_timely:
                 z = self.method.algebraic(end, x, z, [self.u, self.p, m])
+        if self.method.iterates:
+            flags.append(ca.logic_or(rough, self.rough(end, x, z, self.u, self.p, m)))
         return ca.vertcat(x, z, kept), ca.vertcat(self.y(end, x, z, self.u, self.p, m), *flags), end
 
     @property
@@ -165,7 +169,8 @@ class _Builder:
         missed = Port("step.unlocated", "", "1 if the step missed an event besides the one it located", 0.0)
         large = Port("step.too_large", "", "1 if the explicit method is unstable at this step", 0.0)
         events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
-        return events + [large] * self.method.is_explicit
+        rough = Port("step.unconverged", "", "1 if Newton's method did not converge in the step", 0.0)
+        return events + [large] * self.method.is_explicit + [rough] * self.method.iterates
 
     def _timely(self, t: Any) -> Any:
         """Modes just after an instant; those of variables are not looked at."""
