@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -48,7 +49,7 @@ class Block(Component):
             yield when(self.x > 0.123, reset(self.n, pre(self.n) + 1))
 
 
-LAWS = {
+LAWS: dict[str, Callable[[float], float]] = {
     "cubic": lambda z: z**3,
     "exp": np.exp,
     "atan": lambda z: 5.0 * np.arctan(z),

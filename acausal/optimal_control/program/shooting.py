@@ -40,10 +40,11 @@ def integrate_interval(law: Law, steps: Steps, point: Sequence[Any], h: Any, row
     both = ca.SX.sym("xq", n + m)
     inner = ca.Function("inner", [t, x, z, u, w], [ca.vertcat(ode, *rows), alg])
     rates = ca.Function("rates", [t, both, z, u, w], list(inner(t, both[:n], z, u, w)), *_NAMES)
-    method = Method(steps.method, rates)
+    method = Method(steps.method, rates, ca.DM.ones(n + m + z.numel()))
     now, state, algebraic = t, ca.vertcat(x, ca.SX(m, 1)), z
     for _ in range(steps.count):
-        state, algebraic = method.step(now, h / steps.count, state, algebraic, [u, w])
+        # the run of the answer shows whether these Newton steps suffice
+        state, algebraic, _ = method.step(now, h / steps.count, state, algebraic, [u, w])
         now = now + h / steps.count
     return state[:n], state[n:]
 
