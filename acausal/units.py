@@ -268,6 +268,11 @@ def ambiguous(given: str, wanted: str) -> str | None:
     return f"{_quoted(wanted if given_angle else given)} may count turns or radians, which differ by 2 pi"
 
 
+def is_angular(unit: str) -> bool:
+    """Whether a unit measures angles, by one of its names: deg, rad/s, rpm, N.m/rad."""
+    return _rotation(unit)[1]
+
+
 def _rotation(unit: str) -> tuple[bool, bool]:
     """Whether the names in a unit count cycles, and whether one of them is an angle."""
     names = re.findall(r"[^\W\d_]+|\u00b0(?!C|F)", unit)

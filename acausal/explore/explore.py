@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from acausal.browser.page import packed, page
-from acausal.errors import UsageError
+from acausal.errors import UnitError, UsageError
 from acausal.plot.scale import same_unit, to_unit
 from acausal.result.files import atomic, check_suffix
 from acausal.result.result import Result
-from acausal.units import parse
+from acausal.units import is_angular, parse
 
 _BODY = """\
 <aside>
@@ -182,9 +182,14 @@ def choices(declared: str) -> tuple[tuple[str, float, float], ...]:
     own = (declared, 1.0, 0.0)
     if not declared or declared == "1":
         return (own,)
-    dimension = parse(declared).dimension
-    # Turns and radians, torque and work have one dimension: what the unit itself stands among comes first.
-    fitting = [units for units in _COMMON if parse(units[0]).dimension == dimension]
+    try:
+        dimension = parse(declared).dimension
+    except UnitError:
+        return (own,)  # files of other programs may hold any text
+    # Turns and radians, torque and work have one dimension: what the unit itself stands among comes first. Per cents
+    # are no angles, and 1/h is no angular velocity.
+    alike = [units for units in _COMMON if is_angular(units[0]) == is_angular(declared)]
+    fitting = [units for units in alike if parse(units[0]).dimension == dimension]
     found = next((units for units in fitting if declared in units), fitting[0] if fitting else ())
     scales = [to_unit(declared, unit) for unit in found if unit != declared]
     return own, *((s.unit, s.slope, s.offset) for s in scales)

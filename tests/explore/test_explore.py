@@ -148,6 +148,14 @@ def test_units_to_choose_from(declared: str, shown: str, value: float, expected:
 def test_units_without_common_ones_stay() -> None:
     assert choices("kg.m2") == (("kg.m2", 1.0, 0.0),)
     assert choices("") == (("", 1.0, 0.0),)
+    assert choices("%") == (("%", 1.0, 0.0),)  # of what, nobody knows; no angle
+
+
+@pytest.mark.parametrize("unit", ["dB", "MHz", "1/h", "Nm", "rpm"])
+def test_files_of_other_programs_are_shown_whatever_their_units(unit: str) -> None:
+    """One unit that acausal does not know, or that might count turns, refuses no page."""
+    named = Result("rig", np.array([0.0, 1.0]), np.array([[0.0], [3.0]]), {"x": Signal("x", unit, "", 0)})
+    assert "uPlot" in acausal.explore(named, line([0, 1], [0, 1])).html()
 
 
 def test_wrong_requests_are_refused() -> None:
