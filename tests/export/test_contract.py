@@ -20,9 +20,12 @@ from acausal import (
     discrete,
     fixed,
     guess,
+    initial,
+    integer,
     maximum,
     minimum,
     parameter,
+    pre,
     reset,
     sample,
     signal_input,
@@ -32,7 +35,7 @@ from acausal import (
     when,
     where,
 )
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, ExportError
 from acausal.lower.casadi_model import CasadiModel
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.clutches import ThreeClutchDrive
@@ -321,3 +324,30 @@ def test_memory_of_the_past_and_delays_are_refused() -> None:
             yield der(self.x) == -acausal.delay(self.x, 0.1)
 
     assert code_of(lambda: acausal.compile(Late()).casadi(events=True)) == "AC035"
+
+
+class Opened(Component):
+    """x begins at twice the parameter, which `initial()` says."""
+
+    k: Real = parameter(default=1.5)
+    x: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield when(initial(), reset(self.x, 2.0 * self.k))
+        yield when(self.x < 1.0, reset(self.n, pre(self.n) + 1))
+
+
+def test_what_initial_sets_is_the_start_or_refused() -> None:
+    # init(p) of other parameters began at 0, without a word
+    compiled = acausal.compile(Opened())
+    with pytest.raises(ExportError) as raised:
+        compiled.casadi(events=True)
+    assert raised.value.code == "AC608"
+    model = compiled.casadi(events=True, parameters=[])
+    assert model.x.start == [3.0, 0.0]
+    assert model.events is not None
+    after, _, _, settled = model.events.react(model.x.start, [], [], [], model.events.m.start, [])
+    assert np.array(after).ravel().tolist() == [3.0, 0.0]
+    assert float(settled) == 1.0
