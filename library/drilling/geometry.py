@@ -21,7 +21,6 @@ from acausal import (
     no_event,
     parameter,
     signal_output,
-    sqrt,
     structural,
     tan,
     where,
@@ -86,16 +85,18 @@ class PartialDrillGeometry(Component):
         yield w.f == zeros(3)
         yield w.t == zeros(3)
 
-    def clear_of_edges(self, edge: Expr, depth: Expr, body: str) -> Equations:
-        """Note AC191 if the cut reaches an edge of the workpiece at the distance `edge` [m] from the axis.
+    def reach(self, depth: Expr) -> Expr:
+        """Radius of the cut [m], less a millionth of the diameter, at a `depth` [m] of the tip behind the face.
 
-        `depth` [m] is the depth of the tip behind the plane of the face.
+        Negative above the face, where a drill passes over edges without coming near to cutting them.
         """
         slope = tan(self.sigma / 2)
-        # Negative above the face, where a drill passes over edges without coming near to cutting them.
-        reach = where(no_event(depth < self.d / (2 * slope)), slope * depth, self.d / 2)
+        return where(no_event(depth < self.d / (2 * slope)), slope * depth, self.d / 2) - 1e-6 * self.d
+
+    def clear_of_edges(self, clear: Expr, body: str) -> Equations:
+        """Note AC191 unless `clear`: if the cut reaches an edge of the workpiece."""
         yield assert_(
-            edge - reach > -1e-6 * self.d,
+            clear,
             f"AC191: an edge of {body} lies within the cut of the drill: inside of it the force is that of a full cut, "
             "beside it there is none, and a drill moved across it is in full contact at once; keep the axis a radius "
             "of the drill away from the edge, and move sideways only above the face",
@@ -123,14 +124,27 @@ class DrillGeometry(PartialDrillGeometry):
         cos_min = math.cos(self.max_tilt)
         cos_tilt = maximum(self.axis[2], cos_min)
         depth = self.tip[2] / cos_tilt
-        beside = (fabs(self.tip[0]) > self.width / 2) | (fabs(self.tip[1]) > self.height / 2) | (self.axis[2] < cos_min)
+        # Without `fabs`, whose kinks lie where most drills are: in the middle, where rounding decides about them.
+        x, y, a, b = self.tip[0], self.tip[1], self.width / 2, self.height / 2
+        beside = (x > a) | (-x > a) | (y > b) | (-y > b) | (self.axis[2] < cos_min)
         # no contact starts beside the plate, so s stays below zero there
         in_front = where(no_event(depth < 0), depth, 0.0)
         yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt
         yield self.v == der(self.s)
-        x, y = fabs(self.tip[0]) - self.width / 2, fabs(self.tip[1]) - self.height / 2
-        inner = where(no_event(x > y), x, y)
-        corner = no_event((x > 0) & (y > 0))
-        edge = where(corner, sqrt(where(corner, x, self.d) ** 2 + y**2), fabs(inner))
-        yield from self.clear_of_edges(edge, depth, self.body)
+        yield from self.clear_of_edges(self._clear(self.reach(depth)), self.body)
+
+    def _clear(self, reach: Expr) -> Expr:
+        """Condition that no edge is nearer to the tip than `reach`.
+
+        One condition for each side and corner, without the distance from the nearest one: that has kinks in the middle
+        and on the diagonals of the plate, where rounding decides about them all the time.
+        """
+        x, y, a, b = self.tip[0], self.tip[1], self.width / 2, self.height / 2
+        within = (x < a - reach) & (-x < a - reach) & (y < b - reach) & (-y < b - reach)
+        aside = (x > a + reach) | (-x > a + reach) | (y > b + reach) | (-y > b + reach)
+        corner = (x**2 > a**2) & (y**2 > b**2)
+        for right in (x - a, x + a):
+            for above in (y - b, y + b):
+                corner = corner & (right**2 + above**2 > reach**2)
+        return within | aside | corner

@@ -100,7 +100,7 @@ class ConvexDrillGeometry(PartialDrillGeometry):
         yield self.v == dot(self.normal, der(self.tip) - der(self.axis) * self.s) / maximum(along, _STEEP)
         yield self.overlap == self.s * along
         if not isinstance(self.workpiece, HalfSpace):
-            yield from self.clear_of_edges(where(missed, outside, inside), depth, self.body)
+            yield from self.clear_of_edges(where(missed, outside, inside) > self.reach(depth), self.body)
 
 
 _STEEP = math.sin(math.radians(1.0))

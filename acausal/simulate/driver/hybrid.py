@@ -14,7 +14,7 @@ from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.event_loop import EventLoop, LoopEvent, suits_event_loop
 from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.errors import RestlessKink, accumulated, unsettled
+from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, as_one, resting_band
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.search import Arrival, Search
@@ -307,10 +307,7 @@ class Hybrid:
         self.bounces.saw(t, relations)
         if self.bounces.endless:
             names = [self.guards.texts[k] for k in self.bounces.endless]
-            error = accumulated(self.problem.compiled, t, self.bounces.count, names)
-            if self.problem.compiled.state_events.watched.issuperset(self.bounces.endless):
-                raise RestlessKink(error.code, error.fact, evidence=error.evidence, cause=error.cause, help=error.help)
-            raise error
+            raise accumulated(self.problem.compiled, t, self.bounces.count, names)
         if not happened.causes and _stays(left, happened.moment):
             return replace(happened, causes=_NOTHING)
         return replace(happened, causes=(*(self.guards.causes[k] for k in relations), *happened.causes))

@@ -32,7 +32,7 @@ from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.errors import RestlessKink
+from acausal.simulate.events.errors import Endless
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
@@ -124,7 +124,7 @@ class Run:
         plain = self.compiled
         try:
             return self._result()
-        except (RestlessKink, IntegrationError):
+        except (Endless, IntegrationError):
             if self.sources or self.compiled is plain:  # sources have looked at the run already
                 raise
             self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()

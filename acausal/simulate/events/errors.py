@@ -10,13 +10,17 @@ from acausal.errors import EventError, InitializationError, Span
 from acausal.lower.compiled import CompiledModel
 
 
-class RestlessKink(EventError):
-    """A watched kink is passed without time passing: better let alone."""
+class Endless(EventError):
+    """Events without end. Where kinks are watched these may make them, and are better let alone.
+
+    Not only where the words name a kink: of one that is zero to rounding another relation may take the blame, as the
+    next that is ahead.
+    """
 
 
-def accumulated(compiled: CompiledModel, t: float, count: int, names: Sequence[str]) -> EventError:
+def accumulated(compiled: CompiledModel, t: float, count: int, names: Sequence[str]) -> Endless:
     """Events without end in next to no time."""
-    return EventError(
+    return Endless(
         "AC502",
         f"{count} events follow one another at t = {t:.9g} s in {compiled.name} without time passing",
         where=_stated(compiled, names),
@@ -28,9 +32,9 @@ def accumulated(compiled: CompiledModel, t: float, count: int, names: Sequence[s
     )
 
 
-def unsettled(compiled: CompiledModel, t: float, names: Sequence[str]) -> EventError:
+def unsettled(compiled: CompiledModel, t: float, names: Sequence[str]) -> Endless:
     """An event iteration without end."""
-    return EventError(
+    return Endless(
         "AC501",
         f"events do not settle at t = {t:.9g} s in {compiled.name}: {'; '.join(names)}",
         where=_stated(compiled, names),
