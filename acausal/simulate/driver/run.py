@@ -39,6 +39,7 @@ from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
+from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, share_of
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
@@ -191,7 +192,11 @@ class Run:
             self.timings["integrate"] = clock.perf_counter() - began
         long = memory is None and self.independent is None and recorder.counters.get("steps", 0.0) >= MANY
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
-        result = self.finished(recorder, (*start.notes, *notes, *corners(recorder)))
+        controlled = not self.solver.fixed_step and opts.step is None
+        unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
+        for note in unknown:
+            _log.warning("%s: %s", self.compiled.name, note)
+        result = self.finished(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
         limit.check_run(recorder, result)
         return result
 
