@@ -209,10 +209,11 @@ class Pieces:
                     raise self.stuck(t)
                 continue
             self.pieces.append(Piece(piece, _labels(self.choices)))
-            self.keep(piece, -1)
-            t, seen = float(piece.time[-1]), at_row(skin.watch.read(piece), -1)
-            if "terminated" in piece.stats:
+            t = float(piece.time[-1])
+            if "terminated" in piece.stats or not t < stop:
                 break
+            self.keep(piece, -1)
+            seen = at_row(skin.watch.read(piece), -1)
         return self.joined()
 
     def _report(self, share: float, t: float) -> None:
