@@ -176,8 +176,15 @@ def linearize(
         u,
         slopes.y,
         slopes.rates[places],
-        notes,
+        (*notes, *_between_rows(t, result)),
     )
+
+
+def _between_rows(t: float, result: Result | None) -> list[str]:
+    """A note on states that are not those of the run but of a curve through its rows, as of a file."""
+    if result is None or result.dense is not None or np.isclose(result.time, t, rtol=1e-12, atol=0.0).any():
+        return []
+    return [f"the states at t = {t:g} s are interpolated between the rows of the result, which has no others"]
 
 
 def _slopes_of(

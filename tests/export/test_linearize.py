@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -95,6 +96,16 @@ def test_parameters_that_are_given_are_not_those_of_the_run(compiled: bool) -> N
     linear = acausal.linearize(model, result=run, parameters={"m": 4.0})
     np.testing.assert_allclose(linear.B, [[0.0], [0.25]])
     np.testing.assert_allclose(linear.u, [3.0])
+
+
+def test_states_between_the_rows_of_a_file_are_noted(tmp_path: Path) -> None:
+    """A file has rows only; a run just made has the solution between them, and its rows are those of the file."""
+    run = acausal.simulate(Oscillator(), stop_time=1.0, output_interval=0.25)
+    run.save(tmp_path / "run.npz")
+    file = acausal.load(tmp_path / "run.npz")
+    for result, t, noted in ((run, 0.3, False), (file, 0.25, False), (file, 0.3, True)):
+        notes = acausal.linearize(Oscillator(), t, result=result).notes
+        assert any("interpolated" in note for note in notes) == noted
 
 
 def test_unknown_names() -> None:
