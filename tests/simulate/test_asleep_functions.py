@@ -74,7 +74,7 @@ class Gated(Component):
         yield der(self.y) == GATES[self.gate][0](self, self.s, self.pulse)
 
 
-# Which gates are open is known from modes, whatever solver is asked: every gate with one, and every kind with the others.
+# Which gates are open follows from modes, whatever the solver is: every gate with one, every kind with the others.
 KINDS = ("relation", "power", "no event", "clause")
 RUNS = [(s, g) for s in ("rosenbrock", "erk", "idas", "cvodes") for g in (GATES if s == "rosenbrock" else KINDS)]
 

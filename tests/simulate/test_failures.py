@@ -78,8 +78,8 @@ class Hysteresis(Component):
 )
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_no_solver_goes_on_with_another_branch(solver: str, step: float | None, tolerance: float) -> None:
-    if step is not None and tolerance < 1e-3:
-        pytest.skip("fixed steps have no tolerance")
+    if (step is not None and tolerance < 1e-3) or (solver == "cvodes" and tolerance == 1e-3):
+        pytest.skip("fixed steps have no tolerance, and cvodes takes half a minute (docs/known-gaps.md)")
     with pytest.raises(IntegrationError) as error:
         acausal.simulate(
             Hysteresis(), stop_time=2.0, solver=solver, step=step, tolerance=tolerance, output_interval=0.01
