@@ -189,11 +189,11 @@ class BothRoots(Component):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("solver", "tolerance"), [("idas", 1e-6), ("idas", 1e-8), ("cvodes", 1e-8)])
-def test_a_guard_passed_again_and_again_within_its_error_is_refused(solver: str, tolerance: float) -> None:
+def test_a_guard_passed_again_and_again_within_its_error_is_refused() -> None:
     """From 2 s on it rests: idas passed it six million times at 1e-8, and took minutes."""
+    tolerance = 1e-8
     with pytest.raises(EventError, match=r"AC501(.|\n)*h > 0") as caught:
-        acausal.simulate(BothRoots(), stop_time=4.0, solver=solver, tolerance=tolerance)
+        acausal.simulate(BothRoots(), stop_time=4.0, solver="idas", tolerance=tolerance)
     result = caught.value.result
     assert result is not None
     assert abs(result.final("h")) < tolerance
