@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -38,6 +38,9 @@ _ROUNDED, _MOST_UNCERTAIN = 1e-13, 1e10
 _ROUGH, _LOOKS = 1e-5, 5
 # So many times as large as the variations are those that the rough ones have told, if they are wrong; how often to try.
 _FAR, _AGAIN = 100.0, 3
+# How many times the rough tolerance of states rough variations may be wrong, where steps of the states are too long for
+# them.
+_LOOSE = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +53,9 @@ class Derivatives:
     final: Vector
     of_times: Vector
     wrong: Vector
+
+
+T = TypeVar("T")
 
 
 class Chain:
@@ -433,10 +439,23 @@ class Stretch:
 
     def forward(self, x: Vector) -> Vector:
         """Variations at the end due to `x` at the start and to parameters, shapes as in `carry`."""
-        found = x
-        for *_, there in self.carry(np.zeros(0), x):
-            found = there
-        return found
+
+        def carried(x: Vector) -> tuple[Vector, None]:
+            found = x
+            for *_, there in self.carry(np.zeros(0), x):
+                found = there
+            return found, None
+
+        return self._with_errors(x, carried)[0]
+
+    def _with_errors(self, x: Vector, carried: Callable[[Vector], tuple[Vector, T]]) -> tuple[Vector, T]:
+        """What `carried` makes of `x`; columns of errors, if it has them, are left out as long as they are zero."""
+        c, before = self.chain, len(self.chain.asked)
+        if x.shape[1] > c.count and not x[:, c.count :].any():
+            there, more = carried(x[:, : c.count])
+            if not any(accuracy.noted for accuracy, *_ in c.asked[before:]):
+                return np.hstack([there, np.zeros_like(there)]), more
+        return carried(x)
 
     def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
         """Yield (end [s], linear map (size, size)) of each part of the stretch between `ends`, shape (k,)."""
@@ -450,6 +469,9 @@ class Stretch:
 
     def recorded(self, x: Vector) -> tuple[Vector, Back]:
         """(Variations at the end, as from `forward`; what pulls rows, shape (k, size), back over the stretch)."""
+        return self._with_errors(x, self._recorded)
+
+    def _recorded(self, x: Vector) -> tuple[Vector, Back]:
         c = self.chain
         if self.end <= self.start:
             return x, lambda rows: (rows, np.zeros((len(rows), c.count)))
@@ -481,7 +503,7 @@ class Stretch:
         way = self._interval(np.linspace(self.start, self.end, _LOOKS + 1)[1:].tolist(), variation)
         way = replace(way, tolerance=max(_ROUGH, c.tolerance))
         if scale is not None:
-            way = replace(way, accuracy=Accuracy(scale[self._rows] / sizes, self._shortest))
+            way = replace(way, accuracy=Accuracy(scale[self._rows] / sizes, self._shortest, _LOOSE))
         for *_, there in variation.carry(way, x[self._rows] / sizes, stiffness, c.native):
             found = x.copy()
             found[self._rows] = there * sizes

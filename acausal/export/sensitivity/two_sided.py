@@ -100,7 +100,8 @@ class _Point:
         """Whether values or slopes differ on both sides along the direction `dx`, shape (nx,), `dp`, shape (count,)."""
         chain, t, moment = self.chain, self.t, self.moment
         regime, (size_x, size_p) = moment.regime, self._sizes
-        function, key, size = self.outputs, ("outputs", *(o.name for o in chain.wanted)), np.ones(len(chain.wanted))
+        outputs = self.outputs
+        function, key, size = outputs, ("outputs", *(o.name for o in chain.wanted)), np.ones(len(chain.wanted))
         if function is None:
             function, key, size = (lambda *a: regime.compiled.rhs(*a)[0]), ("rates",), size_x
         dz, falls = np.zeros(len(moment.z)), self._falls(dx, dp)
@@ -113,8 +114,12 @@ class _Point:
             at = self.chain.hybrid.iteration.flipped(beside, share * falls < 0.0)
             p = chain.p.copy()
             p[chain.chosen] += share * dp
-            by_x, by_p, _ = Slopes(chain.compiled, p, chain.u, chain.chosen).total(regime, key, function, t, at)
-            value = np.array(function(t, at.x, at.z, chain.u, p, at.m)).ravel()
+            slopes = Slopes(chain.compiled, p, chain.u, chain.chosen)
+            by_x, by_p, _ = slopes.total(regime, key, function, t, at)
+            if outputs is None:
+                value = slopes.rate(regime, t, at)
+            else:
+                value = np.array(outputs(t, at.x, at.z, chain.u, p, at.m)).ravel()
             found = np.column_stack([value, by_x[:, : chain.nx] * size_x, by_p * size_p])
             return np.asarray(found / size[:, None])
 

@@ -22,19 +22,20 @@ from acausal.simulate.native.program import address
 
 _DONE, _FULL, _STIFF, _LOST = range(4)
 _HEAD = 3
+_FILES = "shared", "radau", "explicit", "steps"
 # Number of steps recorded in one array.
 _MOST = 1024
 
 
 class Structure(ctypes.Structure):
-    """`struct variation` of steps.c."""
+    """`struct variation` of shared.c."""
 
     _fields_ = (
         *((name, ctypes.c_longlong) for name in ("n", "nx", "parameters", "columns", "entries", "largest")),
         *((name, ctypes.c_longlong) for name in ("stiff", "suspects", "cleared", "guessed", "capacity", "steps")),
-        *((name, ctypes.c_longlong) for name in ("refused", "due")),
+        *((name, ctypes.c_longlong) for name in ("refused", "due", "noted")),
         *((name, ctypes.c_double) for name in ("t", "end", "h", "before", "tolerance", "radau_tolerance", "least")),
-        *((name, ctypes.c_double) for name in ("shortest", "start", "noise", "probed", "probed_ratio")),
+        *((name, ctypes.c_double) for name in ("shortest", "loose", "start", "noise", "probed", "probed_ratio")),
         *((name, ctypes.c_void_p) for name in ("starts", "rows", "constant", "modes")),
         *((name, ctypes.c_void_p) for name in ("w", "x", "stages", "record", "total", "peak", "scale")),
     )
@@ -138,10 +139,12 @@ class _Arguments:
             self.scale = np.zeros(self.x.shape)
             self.scale[:, : self.slopes.count] = self.accuracy.scale
             self.fields.scale, self.fields.shortest = address(self.scale), self.accuracy.shortest
+            self.fields.loose = self.accuracy.loose
 
     def report(self) -> None:
-        """Hand on the largest values."""
+        """Hand on the largest values, and whether errors have been noted."""
         if self.accuracy is not None:
+            self.accuracy.noted |= bool(self.fields.noted)
             self.accuracy.largest = np.maximum(self.accuracy.largest, self.peak[:, : self.slopes.count])
 
     def resize(self, columns: int) -> None:
@@ -168,4 +171,5 @@ def program(slopes: Slopes, allowed: bool) -> Program | None:
 
 @cache
 def _steps() -> str:
-    return in_c() + Path(__file__).with_name("steps.c").read_text(encoding="utf-8")
+    here = Path(__file__)
+    return in_c() + "".join(here.with_name(f"{name}.c").read_text(encoding="utf-8") for name in _FILES)

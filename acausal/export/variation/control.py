@@ -69,13 +69,15 @@ class Control:
         size = np.maximum(np.abs(before), np.abs(after))
         rounding = ROUNDING * scale.max(axis=0, initial=0.0) + _TINY
         least = SMALL * np.maximum(self._largest, size) + LEAST_SHARE * scale
-        return np.asarray(self.tolerance * (least + size) + rounding)
+        return np.asarray(self.accuracy.loose * self.tolerance * (least + size) + rounding)
 
     def accepted(self, after: Vector) -> Vector:
         """Go on from `after`, with the columns of `x`, to which the errors of the step are added."""
         if self.accuracy is not None:
             self._largest = np.maximum(self._largest, np.abs(after[:, : self.count]))
             self.accuracy.largest = np.maximum(self._largest, self.accuracy.largest)
+        if self.missed is not None and self.accuracy is not None:
+            self.accuracy.noted = True
         if self.missed is not None and after.shape[1] > self.count:
             after = after + np.hstack([np.zeros_like(self.missed), self.missed])
         return after

@@ -49,8 +49,12 @@ class Accuracy:
 
     scale: Vector
     shortest: float
+    loose: float = 1.0
+    """How many times the tolerance of the states variations may be wrong."""
     largest: float | Vector = 0.0
     """The largest values over the interval that have been found, shape (nx, k)."""
+    noted: bool = False
+    """Whether steps had errors that shorter ones would not make smaller."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,9 +39,11 @@ class Variation:
         """
         compiled = self._compiled(native)
         if compiled is not None:
-            for t, w, there in compiled.carry(interval, x, parameters, stiffness):
-                interval, x = _rest(interval, t, w), there
-                yield t, w, there
+            last = None
+            for last in compiled.carry(interval, x, parameters, stiffness):
+                yield last
+            if last is not None:
+                interval, x = _rest(interval, last[0], last[1]), last[2]
         ends = set(interval.ends)
         for element in self._elements(interval, stiffness, x, parameters):
             if element.t in ends:
