@@ -225,3 +225,25 @@ def test_switches_of_time_on_the_grid_are_exact(method: str) -> None:
     for k in range(1, 11):
         x = np.array(step.function(x, [], step.p.start)[0]).ravel()
         assert x[0] == pytest.approx(min(max(0.1 * k - 0.3, 0.0), 0.4), abs=1e-14)
+
+
+class Struck(Component):
+    """A mass that flies against a spring of 0.1 MN/m, and is back after 10 ms."""
+
+    x: Real = variable(default=fixed(0.1))
+    v: Real = variable(default=fixed(-1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == where(self.x < 0.0, -1e5 * self.x, 0.0)
+
+
+@pytest.mark.parametrize("method", ["rk2", "rk4"])
+def test_a_contact_within_a_step_is_too_stiff_for_it(method: str) -> None:
+    # h w = 4.3 behind the touch, which lies 2.7 ms behind the start of its step; at the start there is no spring
+    step = step_function(acausal.compile(Struck()), 0.0139, method)
+    x, flags = np.array(step.x.start), []
+    for _ in range(8):
+        x, y = (np.asarray(v).ravel() for v in step.function(x, [], step.p.start))
+        flags.append(y[step.y.position("step.too_large")])
+    assert flags == [0.0] * 7 + [1.0]

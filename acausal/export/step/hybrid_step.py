@@ -166,19 +166,23 @@ class HybridStep:
             ),
         )
 
-    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-        """(x, z, m at the end of a step, whether its events have settled, whether all are located, rough of `Method`).
+    def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, ...]:
+        """(x, z, m, settled, located, rough, large) at the end of a step.
+
+        Whether its events have settled, whether all are located, whether an iteration has not converged, and whether
+        the part of the step behind its event is too large for an explicit method.
 
         An integer that gets a fraction is nan.
         """
         held = [self.u, self.p]
         settled: Any = 1
         located: Any = 1
+        large: Any = 0
         if self.compiled.state_events.relations:
             x1, z1, theta, at, xe, ze, flipped, marks, seen, rough = self._locate_first(t, x, z, *held, m)
             nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
             xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
-            x, z, m_end, later, far = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
+            x, z, m_end, later, far, large = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
             located, rough = ca.logic_and(seen, later), ca.logic_or(rough, ca.logic_and(theta < 1, far))
         else:
             x, z, rough = self._whole(t, x, z, *held, m)
@@ -188,7 +192,7 @@ class HybridStep:
         for k in range(late.numel()):
             located = ca.logic_and(located, ca.logic_not(late[k]))
         x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
-        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located, rough
+        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located, rough, large
 
     def whole_numbers(self, x: Any) -> Any:
         """The states x, and nan for integers that have a fraction: a run ends there with AC147."""
@@ -267,7 +271,7 @@ class HybridStep:
 
     @cached_property
     def _rest_of_step(self) -> Any:
-        """Function of the outputs of `_locate_first` after its event: `-> (x, z, m, seen, rough)` at its end."""
+        """Function of the outputs of `_locate_first` after its event: `-> (x, z, m, seen, rough, large)` at its end."""
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
@@ -278,6 +282,7 @@ class HybridStep:
         chosen, resting, launched, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 5
         rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
         x2, z2, rough = self.method.step(at, rest, xe, ze, [u, p, me])
+        large = ca.logic_and(theta < 1, self.method.too_large(at, rest, xe, ze, [u, p, me]))
         away = settling.rates(at, xe, ze, *held)[0]
         behind = watch(t + self.h, x2, z2, u, p, me) < 0
         passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
@@ -297,7 +302,7 @@ class HybridStep:
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
             new[j] = ca.if_else(rests, m[j], new[j])
-        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough)]
+        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough, large)]
         return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse(found))
 
     def _rested(self, t: Any, x: Any, z: Any, held: Sequence[Any], resting: Sequence[Any]) -> Any:

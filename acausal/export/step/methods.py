@@ -64,8 +64,10 @@ class Method:
         """Whether steps can be too large for it."""
         return self.name not in IMPLICIT
 
-    def too_large(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any], nominal: Any) -> Any:
+    def too_large(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
         """1 where a step from here amplifies a mode that decays, from differences of two stages at one time."""
+        if not self.is_explicit:
+            return ca.SX(0)
         z1 = self.algebraic(t, x, z, held)
         k1 = self.rates(t, x, z1, *held)[0]
         reach = h if self.name == "rk2" else h / 2
@@ -76,6 +78,7 @@ class Method:
 
         ka = rates(a)
         b = x + h / 2 * (k1 + ka) if self.name == "rk2" else x + reach * ka
+        nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[0]
         return unstable(2 if self.name == "rk2" else 4, h, x, nominal, differences(rates, reach, a, ka, b))
 
     @property

@@ -90,7 +90,7 @@ class _Builder:
         nominal = ca.vertcat(ca.DM(compiled.nominal_x), ca.DM(compiled.nominal_z))
         self.method = Method(method, rates_of, nominal, compiled.discretes)
         if self.method.is_explicit:
-            large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m], ca.DM(compiled.nominal_x))
+            large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m])
             self.too_large = ca.Function("too_large", s.inputs, [ca.densify(large)])
         self.rough = ca.Function("rough", s.inputs, [self.method.rough(s.t, s.x, s.z, [s.u, s.p, s.m])])
         self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if events else None
@@ -136,17 +136,20 @@ class _Builder:
         on_grid = ca.fabs(start + turn * h - clock) < at_end(clock, h)
         t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
         before = hybrid.modes(t, kept) if hybrid else self._timely(t)
-        flags = [self.too_large(t, x, z, self.u, self.p, before)] if self.method.is_explicit else []
+        large = self.too_large(t, x, z, self.u, self.p, before) if self.method.is_explicit else 0
         if hybrid:
-            x, z, m, settled, located, rough = hybrid.step(t, x, z, before)
+            x, z, m, settled, located, rough, later = hybrid.step(t, x, z, before)
+            large = ca.logic_or(large, later)
             kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
-            flags = [ca.logic_not(settled), ca.logic_or(ca.logic_not(located), inside(compiled, t, h, self.p)), *flags]
+            flags = [ca.logic_not(settled), ca.logic_or(ca.logic_not(located), inside(compiled, t, h, self.p))]
         else:
-            flags = [*([inside(compiled, t, h, self.p)] if compiled.n_timely else []), *flags]
+            flags = [inside(compiled, t, h, self.p)] if compiled.n_timely else []
             x, z, rough = self.method.step(t, h, x, z, [self.u, self.p, before])
             m = self._timely(end)
             if compiled.n_timely:
                 z = self.method.algebraic(end, x, z, [self.u, self.p, m])
+        if self.method.is_explicit:
+            flags.append(large)
         if self.method.iterates:
             flags.append(ca.logic_or(rough, self.rough(end, x, z, self.u, self.p, m)))
         return ca.vertcat(x, z, kept), ca.vertcat(self.y(end, x, z, self.u, self.p, m), *flags), end
