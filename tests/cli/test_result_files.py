@@ -91,6 +91,18 @@ def test_a_jump_is_not_compared_at_its_own_instant() -> None:
     assert run("compare", "a.npz", "b.npz", "--tolerance", "1e-9").code == 0
 
 
+def test_results_whose_rows_are_all_samples_are_compared() -> None:
+    """Every row of both is an event at one time: they differ behind it."""
+    times = np.repeat(np.arange(5.0), 2)
+    for name, step in (("a.npz", 1.0), ("b.npz", 1.5)):
+        values = step * np.concatenate([[0.0], np.repeat(np.arange(4.0), 2), [4.0]])
+        Result("M", times, values[:, None], {"y": Signal("y", column=0)}).save(name)
+    found = run("compare", "a.npz", "b.npz", "--json")
+    assert (found.code, found.json["instants"]) == (3, 5)
+    assert found.json["deviations"][0]["absolute"] == pytest.approx(2.0)
+    assert run("compare", "a.npz", "a.npz").code == 0
+
+
 def test_results_with_nothing_in_common_are_refused() -> None:
     _result().save("a.npz")
     t = np.linspace(0.0, 1.0, 5)

@@ -127,21 +127,30 @@ def compare_runs(
 
 
 def error_of(full: Result, reduced: Result, name: str, called: str | None = None) -> OutputError:
-    """The largest difference of one output at common times without events; `called` is its name in the full result."""
-    times = np.intersect1d(_times_without_events(full), _times_without_events(reduced))
-    a, b = (r[n][np.searchsorted(r.time, times)] for r, n in ((full, called or name), (reduced, name)))
+    """The largest difference of one output at common times; `called` is its name in the full result.
+
+    Events that both runs have at one time, such as samples, are compared before and after; a time at which only one of
+    them has an event, is not. All is nan without a common time.
+    """
+    times = _comparable_times(full, reduced)
+    if not len(times):
+        return OutputError(name, np.nan, np.nan, np.nan)
+    a, b = (
+        np.concatenate([r[n][np.searchsorted(r.time, times)], r[n][np.searchsorted(r.time, times, "right") - 1]])
+        for r, n in ((full, called or name), (reduced, name))
+    )
     # nan in both is no difference; nan in the full result under another name is a contact that does not exist there
     absent = np.isnan(a) & (np.isnan(b) | (called is not None and called != name))
     difference = np.where(absent, 0.0, np.abs(a - b))
-    k = int(np.argmax(difference)) if len(times) else 0
-    worst = float(difference[k]) if len(times) else 0.0
-    size = float(np.nanmax(np.abs(a), initial=0.0))
+    k = int(np.argmax(difference))
+    worst, size = float(difference[k]), float(np.nanmax(np.abs(a), initial=0.0))
     # an output that is zero but for rounding has no relative error
     relative = worst / size if size > _ROUNDING else worst
-    return OutputError(name, worst, relative, float(times[k]) if len(times) else 0.0)
+    return OutputError(name, worst, relative, float(times[k % len(times)]))
 
 
-def _times_without_events(result: Result) -> Vector:
-    """Times that occur once, which are those without events, shape (n,)."""
-    values, count = np.unique(result.time, return_counts=True)
-    return np.asarray(values[count == 1])
+def _comparable_times(one: Result, other: Result) -> Vector:
+    """Times that occur in both results, once in each or as an event in each, shape (n,)."""
+    (values, count), (others, count_of_other) = (np.unique(r.time, return_counts=True) for r in (one, other))
+    common, i, k = np.intersect1d(values, others, assume_unique=True, return_indices=True)
+    return np.asarray(common[(count[i] > 1) == (count_of_other[k] > 1)])

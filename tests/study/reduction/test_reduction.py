@@ -169,3 +169,28 @@ def test_no_lag_is_told_from_what_is_not_there() -> None:
     found = acausal.reduce(Follower(), ["x"], quasi_static=["y"], inputs={"F": 0.5}, repeat=1)
     assert found.comparison is not None
     assert found.comparison.estimate is None or found.comparison.estimate["states"] == {"y": None}
+
+
+class Sampled(Component):
+    """The integral of a lag behind a sine that is held for 0.1 s."""
+
+    f: Real = variable(default=fixed(0.0))
+    x: Real = variable(default=fixed(0.0))
+    held: Real = acausal.discrete()
+
+    def equations(self) -> Equations:
+        yield 0.1 * acausal.der(self.f) == self.held - self.f
+        yield acausal.der(self.x) == self.f
+        yield acausal.when(acausal.sample(0.0, 0.1), acausal.reset(self.held, acausal.sin(5.0 * acausal.time)))
+
+
+@pytest.mark.parametrize("interval", [0.1, 0.07])
+def test_errors_are_measured_where_every_row_is_a_sample(interval: float) -> None:
+    """0.1 f' = held - f and x' = f: without the lag x is ahead by 0.1 f."""
+    found = acausal.reduce(
+        Sampled(), ["x"], quasi_static=["f"], repeat=1, output_interval=interval, stop_time=1.0, tolerance=1e-9
+    )
+    assert found.comparison is not None
+    f = acausal.simulate(Sampled(), output_interval=0.01, stop_time=1.0, tolerance=1e-9)["f"]
+    (error,) = found.comparison.errors
+    assert error.absolute == pytest.approx(0.1 * np.abs(f).max(), rel=0.1)
