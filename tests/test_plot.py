@@ -341,6 +341,13 @@ def test_differences_are_those_of_one_unit(result: Result) -> None:
     assert np.asarray(lower.get_lines()[0].get_ydata()) == pytest.approx([-1.0] * 3)
 
 
+def test_a_jump_that_both_results_have_is_no_difference() -> None:
+    time, values = np.array([0.0, 1.0, 1.0, 2.0]), np.array([[0.0], [0.0], [5.0], [5.0]])
+    step = Result("step", time, values, {"y": Signal("y", "m", "", 0)})
+    _, lower = compared(step, step, ["y"]).axes
+    assert np.asarray(lower.get_lines()[0].get_ydata()) == pytest.approx([0.0] * 3)
+
+
 @pytest.mark.parametrize("title", [r"$\frac{1}$", "$5 and $x_$", "costs $"])
 def test_dollar_signs_around_no_formula_stay(result: Result, title: str, tmp_path: Path) -> None:
     """A title is what the user typed; matplotlib cannot read these as formulas."""

@@ -46,7 +46,9 @@ def _draw(first: Result, second: Result, name: str, upper: Axes, lower: Axes) ->
     unit = first.unit(name) or second.unit(name)
     convert = same_unit(first.unit(name), second.unit(name))
     x, y = first[name], convert(second[name])
-    inside = (first.time >= second.time[0]) & (first.time <= second.time[-1])
+    # at an event the values behind it, as `at` gives them
+    last = np.append(np.diff(first.time) > 0.0, True)
+    inside = last & (first.time >= second.time[0]) & (first.time <= second.time[-1])
     times = first.time[inside]
     difference = convert(np.asarray(second.at(times, name))) - x[inside]
     scale = readable(unit, float(np.nanmax(np.abs(np.concatenate([x, y])))))
