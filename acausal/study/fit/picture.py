@@ -14,6 +14,7 @@ from acausal.errors import UsageError
 from acausal.plot.plot import COLORS, STYLE, Drawing, check_picture, save
 from acausal.plot.scale import readable
 from acausal.study.fit.fit import Fit
+from acausal.study.fit.trial import compared
 
 _MOST = 6
 
@@ -55,7 +56,7 @@ def _draw(fit: Fit, name: str, upper: Axes, lower: Axes) -> None:
         upper.plot(clock(s.times), scale(s.values), label="measured" if alone else title, **points)
         line: dict[str, Any] = {"color": "black", "label": "fitted"} if alone else {"color": color}
         upper.plot(clock(result.time), scale(np.asarray(result[name])), lw=1.2, **line)
-        lower.plot(clock(s.times), rest(np.asarray(result.at(s.times, name)) - s.values), **points)
+        lower.plot(clock(s.times), rest(compared(result, s.times, name) - s.values), **points)
     lower.axhspan(*rest(np.array([-1.96, 1.96]) * fit.rms[name]), color="0.9", zorder=0)
     lower.axhline(0.0, color="0.4", lw=0.8)
     upper.set_title(name, loc="left")

@@ -32,6 +32,7 @@ from acausal.errors import AcausalError
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.oscillator import Oscillator
+from acausal.plot.scale import readable
 
 Vector = NDArray[np.float64]
 
@@ -346,6 +347,9 @@ def test_a_jump_of_the_data_is_compared_with_that_of_the_run() -> None:
     data = {name: (run.time, run[name]) for name in ("h", "v")}
     found = fit(model, data, list(truth), parameters={"e": 0.74, "h0": 1.35})
     assert found.value == pytest.approx(list(truth.values()), rel=1e-6)
+    shown = np.asarray(found.plot().axes[3].get_lines()[0].get_ydata())  # of v, which jumps by metres per second
+    unit = readable(found.results[0].unit("v"), 3.0 * found.rms["v"]).slope
+    assert np.abs(shown).max() / unit < 1e-4
 
 
 @pytest.mark.parametrize("case", CASES)
