@@ -15,6 +15,7 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, variable, where
 from acausal.lower.compiled import CompiledModel
 from acausal.models.components.multibody import BallAndCardan
+from acausal.models.stability.contact import ExplicitPenalty
 from acausal.result.result import Result
 from tests.marks import slow_but
 
@@ -85,4 +86,11 @@ def test_a_declared_nominal_value_makes_it_right() -> None:
 def test_what_is_zero_by_symmetry_is_not_noted() -> None:
     """Bars that swing in one plane do not leave it, but for rounding."""
     r = acausal.simulate(BallAndCardan(), tolerance=1e-6, stop_time=0.2)
+    assert not noted(r)
+
+
+def test_what_moves_between_rows_is_not_noted() -> None:
+    """A stiff contact is at rest again before the second row."""
+    r = acausal.simulate(ExplicitPenalty(), tolerance=1e-6)
+    assert np.abs(r["v"]).max() < 1e-9
     assert not noted(r)

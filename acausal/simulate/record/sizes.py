@@ -31,7 +31,12 @@ _GIVEN, _SOLVED = 1e-14, 1e-9
 # Roundings by which states move, and so many times as large a rate must be to be none. Algebraic variables move by what
 # Newton's method leaves of them.
 _ROUNDING, _CLEAR, _NEWTON = 4e-16, 30.0, 1e-10
-_INDICES = re.compile(r"(\[\d+\])+$")
+Rows = tuple[Vector, Vector, Vector, Vector]
+_INDICES = re.compile(r"\[\d+\]")
+# Steps for each row beyond which rows do not tell how large a state becomes between them.
+_STEPS = 5.0
+# So many times as far as rows show a state may go from one to the next by its rate, or they do not show it.
+_FARTHER = 100.0
 # Rows that are looked at, and how often everything moves at each.
 _ROWS, _MOVES = 6, 4
 
@@ -43,6 +48,8 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
     if n == 0:
         return ()
     times, x, z, m = recorder.rows()
+    if recorder.counters.get("steps", 0.0) > _STEPS * len(times):
+        return ()
     largest = _of_vectors(compiled.states[:n], np.abs(x[:n]).max(axis=1))
     least = tolerances.absolute * nominal[:n]
     small = np.flatnonzero((largest > _GIVEN * nominal[:n]) & (largest < _DIGITS * least))
@@ -50,7 +57,8 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
         return ()
     solved = bool(compiled.algebraic) or compiled.solution.structure.rate is not None
     begun = np.abs(x[small, 0]) > (_SOLVED if solved else _GIVEN) * nominal[small]
-    told = small[begun | _driven(recorder, small, p, u, (times, x, z, m))]
+    rows = times, x, z, m
+    told = small[(begun | _driven(recorder, small, p, u, rows)) & _shown(recorder, small, p, u, rows)]
     if not told.size:
         return ()
     k = int(told[np.argmin(largest[told] / nominal[told])])
@@ -65,7 +73,7 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
 
 
 def _of_vectors(names: Sequence[str], largest: Vector) -> Vector:
-    """Of each state the largest magnitude in its vector: a cell ahead of a front is known as well as is wanted."""
+    """Of each state the largest magnitude in its vector or list: a cell ahead of a front is known well enough."""
     vectors = [_INDICES.sub("", name) for name in names]
     most: dict[str, float] = {}
     for vector, value in zip(vectors, largest.tolist(), strict=True):
@@ -73,9 +81,16 @@ def _of_vectors(names: Sequence[str], largest: Vector) -> Vector:
     return np.array([most[vector] for vector in vectors])
 
 
-def _driven(
-    recorder: Recorder, small: NDArray[np.intp], p: Vector, u: Vector, rows: tuple[Vector, Vector, Vector, Vector]
-) -> NDArray[np.bool_]:
+def _shown(recorder: Recorder, small: NDArray[np.intp], p: Vector, u: Vector, rows: Rows) -> NDArray[np.bool_]:
+    """Of each small state whether rows show it: not what begins with a transient between the first two of them."""
+    times, x, z, m = rows
+    rate = np.asarray(functions_of(recorder.compiled).rhs(times[0], x[:, 0], z[:, 0], u, p, m[:, 0])[0])[small]
+    longest = float(np.diff(times).max(initial=0.0))
+    shown = np.abs(rate) * longest <= _FARTHER * np.abs(x[small]).max(axis=1)
+    return np.asarray(shown)
+
+
+def _driven(recorder: Recorder, small: NDArray[np.intp], p: Vector, u: Vector, rows: Rows) -> NDArray[np.bool_]:
     """Of each small state whether it leaves zero where all of them are zero, by more than rounding."""
     compiled, (times, x, z, m) = recorder.compiled, rows
     rhs, random = functions_of(compiled).rhs, np.random.default_rng(0)
