@@ -186,12 +186,12 @@ def _times(a: Result, b: Result) -> Array:
     low, high = _overlap(a, b)
     times = np.unique(coarse.time)
     times = np.asarray(times[(times >= low) & (times <= high)], dtype=float)
-    own = [r.time[1:][np.diff(r.time) == 0] for r in (a, b)]
-    events = np.sort(np.concatenate(own))
+    jumps_a, jumps_b = (r.time[1:][np.diff(r.time) == 0] for r in (a, b))
+    events = np.sort(np.concatenate([jumps_a, jumps_b]))
     if not events.size:
         return times
     after = np.clip(np.searchsorted(events, times), 1, len(events)) - 1
     distance = np.minimum(np.abs(times - events[after]), np.abs(times - events[np.minimum(after + 1, len(events) - 1)]))
     # what both have at one time, to the last bit, jumps at one time: samples, and switches of sources
-    known = np.isin(times, np.intersect1d(*own))
+    known = np.isin(times, np.intersect1d(jumps_a, jumps_b))
     return np.asarray(times[known | (distance > 1e-9 * max(abs(low), abs(high)))], dtype=float)
