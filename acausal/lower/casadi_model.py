@@ -11,7 +11,7 @@ from typing import Any
 from acausal.errors import UsageError, meant
 from acausal.providers import provided
 
-FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "invariants", "instants")
+FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "too_large", "invariants", "instants")
 """Names of the functions of a `CasadiModel`, in the order in which files hold them."""
 EVENT_FUNCTIONS = ("dae", "indicators", "react", "clocks", "round")
 """The same of `CasadiEvents`."""
@@ -149,8 +149,10 @@ class CasadiModel:
         `(p) -> (x0, z0)`: the start conditions. States given outright are expressions of p; where others, or z, have
         to be solved for, a rootfinder is inside (MX). Inputs have their start values in it.
     step
-        `(t, x, u, p, h) -> (x_next, y, too_large)`: one step of length h [s] of the classical Runge-Kutta method on
-        `ode`, y at its end. `too_large` is 1 where the method is unstable at this h, so that x_next means nothing;
+        `(t, x, u, p, h) -> (x_next, y)`: one step of length h [s] of the classical Runge-Kutta method on `ode`, y at
+        its end.
+    too_large
+        `(t, x, u, p, h) -> too_large`: 1 where `step` is unstable at this h, so that x_next means nothing;
         `acausal.step_function` has implicit methods.
     invariants
         `(t, x, z, u, p) -> (position, velocity)`: constraints that bind the states, as stated, and differentiated:
@@ -175,6 +177,7 @@ class CasadiModel:
     outputs: Any
     init: Any
     step: Any
+    too_large: Any
     invariants: Any
     instants: Any
     x: Ports

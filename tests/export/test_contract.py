@@ -103,7 +103,7 @@ def test_a_step_has_order_four_and_its_length_as_argument() -> None:
     for n in (10, 20):
         x = model.x.start
         for k in range(n):
-            x, _, _ = model.step(k / n, x, [], model.p.start, 1 / n)
+            x, _ = model.step(k / n, x, [], model.p.start, 1 / n)
         errors.append(abs(float(x[0]) - exact))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.3)
 

@@ -12,7 +12,15 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import ExportError, UsageError, meant
 from acausal.export.casadi.finite import finite
-from acausal.export.casadi.parts import depends_on_time, implicit_of, ode_of, outputs_of, step_of, with_fixed_arguments
+from acausal.export.casadi.parts import (
+    depends_on_time,
+    implicit_of,
+    ode_of,
+    outputs_of,
+    step_of,
+    too_large_of,
+    with_fixed_arguments,
+)
 from acausal.export.forms import BETWEEN, FUNCTIONS, check
 from acausal.export.minimal.minimal import Form, invariants_of, minimal_form
 from acausal.export.observed import dae_function, observed_function
@@ -121,7 +129,8 @@ def _functions(compiled: CompiledModel, form: Form, begin: StartPoint) -> dict[s
         "implicit": implicit_of(form.dae),
         "outputs": outputs_of(form.dae),
         "init": form.init,
-        "step": step_of(ode, form.x.nominal),
+        "step": step_of(ode),
+        "too_large": too_large_of(ode, form.x.nominal),
         "invariants": form.invariants,
         "instants": ca.Function("instants", *_instants(compiled), ["p"], ["times"]),
     }

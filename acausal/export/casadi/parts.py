@@ -67,21 +67,35 @@ def outputs_of(dae: Any) -> Any:
     return ca.Function("outputs", arguments, [dae(*arguments)[2]], dae.name_in(), ["y"])
 
 
-def step_of(ode: Any, nominal: Sequence[float]) -> Any:
-    """Function `(t, x, u, p, h) -> (x_next, y, too_large)`: one step of the classical Runge-Kutta method."""
-    names = ["t", "x", "u", "p"]
-    t, x, u, p = (ca.MX.sym(n, ode.size1_in(n)) for n in names)
-    h = ca.MX.sym("h")
+_OF_STEP = ["t", "x", "u", "p", "h"]
+
+
+def step_of(ode: Any) -> Any:
+    """Function `(t, x, u, p, h) -> (x_next, y)`: one step of the classical Runge-Kutta method."""
+    t, x, u, p, h = given = _arguments_of_step(ode)
     k1 = ode(t, x, u, p)[0]
     k2 = ode(t + h / 2, x + h / 2 * k1, u, p)[0]
     k3 = ode(t + h / 2, x + h / 2 * k2, u, p)[0]
     k4 = ode(t + h, x + h * k3, u, p)[0]
     after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    y = ode(t + h, after, u, p)[1]
-    found = differences(lambda x: ode(t + h / 2, x, u, p)[0], h / 2, x + h / 2 * k1, k2, x + h / 2 * k2)
-    large = unstable(4, h, x, ca.DM(nominal), found)
-    results = [after, y, large]
-    return ca.Function("step", [t, x, u, p, h], results, [*names, "h"], ["x_next", "y", "too_large"])
+    return ca.Function("step", given, [after, ode(t + h, after, u, p)[1]], _OF_STEP, ["x_next", "y"])
+
+
+def too_large_of(ode: Any, nominal: Sequence[float]) -> Any:
+    """Function `(t, x, u, p, h) -> too_large`: 1 where `step_of` is unstable at this h; `nominal` has shape (nx,)."""
+    t, x, u, p, h = given = _arguments_of_step(ode)
+
+    def halfway(x: Any) -> Any:
+        return ode(t + h / 2, x, u, p)[0]
+
+    first = x + h / 2 * ode(t, x, u, p)[0]
+    rates = halfway(first)
+    found = differences(halfway, h / 2, first, rates, x + h / 2 * rates)
+    return ca.Function("too_large", given, [unstable(4, h, x, ca.DM(nominal), found)], _OF_STEP, ["too_large"])
+
+
+def _arguments_of_step(ode: Any) -> list[Any]:
+    return [*(ca.MX.sym(n, ode.size1_in(n)) for n in _OF_STEP[:-1]), ca.MX.sym("h")]
 
 
 def depends_on_time(functions: Sequence[Any]) -> bool:
