@@ -142,3 +142,17 @@ def test_what_has_decayed_needs_no_second_run(
         assert len(runs) == count
         if output == "y":
             np.testing.assert_allclose(found.final[0], [0.0, 1.0], atol=1e-8)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
+def test_derivatives_on_the_way_are_right_or_noted(tolerance: float) -> None:
+    """y = a (1 - exp(-100 t)) + Y(t - b), as the touch is at b: dy/db = -Y', which the end has forgotten."""
+    times = [0.05, 0.102, 0.11, 0.2]
+    found = acausal.sensitivities(
+        Forgetful(), ["b"], ["y"], times=times, stop_time=STOP, tolerance=tolerance, native=False
+    )
+    x, y = (found.result.at(np.array(times), name) for name in ("x", "y"))
+    exact = np.array(times) > 0.1, 100.0 * (2.0 - y) + np.maximum(-x, 0.0) - 200.0 * np.exp(-100.0 * np.array(times))
+    error = np.abs(found.along[:, 0, 0] + exact[0] * exact[1]).max() / np.abs(found.along[:, 0, 0]).max()
+    notes: Any = found.result.stats["notes"]
+    assert error < 100 * tolerance or any("derivatives are uncertain" in note for note in notes)

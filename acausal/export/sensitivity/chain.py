@@ -220,17 +220,20 @@ class Chain:
         moment = passage.happened.moment
         return self.slopes.rate(moment.regime, passage.time, moment)
 
-    def trajectory(self, times: Vector, states: Callable[[Vector], Vector] | None = None) -> Vector:
+    def trajectory(
+        self, times: Vector, states: Callable[[Vector], Vector] | None = None, *, with_errors: bool = False
+    ) -> Vector:
         """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them.
 
         `states` maps instants to states of the run, shape (instants, nx); it replaces steps on stretches without
-        variations.
+        variations. `with_errors` doubles the columns: behind the derivatives is what is known to be wrong in them.
         """
-        found = np.zeros((len(times), len(self.wanted), self.count))
-        x = self.start()
+        x = self._begun() if with_errors else self.start()
+        found = np.zeros((len(times), len(self.wanted), x.shape[1]))
         for k, passage in enumerate(self.passages):
             by_x, by_p, *_ = self.event(k)
-            x = by_x @ x + by_p
+            x = by_x @ x
+            x[:, : self.count] += by_p
             last = k + 1 == len(self.passages)
             until = np.inf if last else self.passages[k + 1].time
             inside = np.flatnonzero((times >= passage.time) & (times < until))
@@ -241,11 +244,11 @@ class Chain:
                 w += list(states(stops))
                 there += [x] * len(stops)
             else:
-                for t, variables, carried in stretch.carry(stops[stops < stretch.end], x):
-                    x = carried
+                x, points = stretch.passed(stops[stops < stretch.end], x)
+                for t, variables, carried in points:
                     if t in stops:
                         w.append(variables)
-                        there.append(x)
+                        there.append(carried)
             if not len(inside):
                 continue
             place = np.searchsorted(stops, at, side="right")
@@ -268,7 +271,8 @@ class Chain:
     def _output_derivatives(self, stretch: Stretch, times: Vector, w: Vector, x: Vector) -> Vector:
         """d outputs / d parameters at k instants of one stretch, shape (k, ny, count).
 
-        `times`: shape (k,); `w`: variables, shape (k, nx + nz); `x`: variations, shape (k, size, count).
+        `times`: shape (k,); `w`: variables, shape (k, nx + nz); `x`: variations, shape (k, size, count). With columns
+        of errors behind the variations, so have the derivatives.
         """
         c, regime, k = self.compiled, stretch.regime, len(times)
         outputs = tuple(output.name for output in self.wanted)
@@ -286,7 +290,9 @@ class Chain:
         if nz:
             inner = by_z @ np.linalg.pinv(implied_z)
             by_x, by_p = by_x - inner @ implied_x, by_p - inner @ implied_p
-        return np.asarray(by_x @ x + by_p)
+        found = np.asarray(by_x @ x)
+        found[:, :, : self.count] += by_p
+        return found
 
     def _packed(self, regime: Regime) -> Any:
         """Function: derivatives of outputs and algebraic equations by carried variables, chosen parameters, and z."""
@@ -440,13 +446,17 @@ class Stretch:
     def forward(self, x: Vector) -> Vector:
         """Variations at the end due to `x` at the start and to parameters, shapes as in `carry`."""
 
-        def carried(x: Vector) -> tuple[Vector, None]:
-            found = x
-            for *_, there in self.carry(np.zeros(0), x):
-                found = there
-            return found, None
+        return self.passed(np.zeros(0), x)[0]
 
-        return self._with_errors(x, carried)[0]
+    def passed(self, stops: Vector, x: Vector) -> tuple[Vector, list[tuple[float, Vector, Vector]]]:
+        """(Variations at the end; what `carry` yields at `stops` and at the end), columns as in `x`."""
+
+        def carried(x: Vector) -> tuple[Vector, list[tuple[float, Vector, Vector]]]:
+            points = list(self.carry(stops, x))
+            return points[-1][2] if points else x, points
+
+        there, points = self._with_errors(x, carried)
+        return there, [(t, w, np.pad(v, ((0, 0), (0, x.shape[1] - v.shape[1])))) for t, w, v in points]
 
     def _with_errors(self, x: Vector, carried: Callable[[Vector], tuple[Vector, T]]) -> tuple[Vector, T]:
         """What `carried` makes of `x`; columns of errors, if it has them, are left out as long as they are zero."""

@@ -141,11 +141,16 @@ def sensitivities(
     derivatives = getattr(chain, method)()
     requested = np.asarray(times, dtype=float)
     _check_times(requested, chain)
-    along = chain.trajectory(requested) if len(requested) else np.zeros((0, len(wanted), len(parameters)))
-    final, wrong = derivatives.final, np.abs(derivatives.wrong)
-    if (wrong > _SUSPECT * _APART * tolerance * (np.abs(final) + _least(chain))).any():
+    final, along = derivatives.final, np.zeros((0, len(wanted), len(parameters)))
+    along_wrong = along
+    if len(requested):
+        along, along_wrong = np.split(chain.trajectory(requested, with_errors=True), 2, axis=2)
+    # the end, and then all instants that are asked for
+    known, wrong = np.concatenate([final[None], along]), np.concatenate([derivatives.wrong[None], along_wrong])
+    if (np.abs(wrong) > _SUSPECT * _APART * tolerance * (np.abs(known) + _least(chain))).any():
         looser, _ = chain_of(replace(opts, tolerance=_LOOSER * tolerance))
-        result = _with_note(result, chain, final, getattr(looser, method)().final)
+        others = getattr(looser, method)().final[None], looser.trajectory(np.minimum(requested, looser.stop))
+        result = _with_note(result, chain, known, np.concatenate(others))
     located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
         tuple(parameters),
@@ -160,10 +165,10 @@ def sensitivities(
     )
 
 
-def _with_note(result: Result, chain: Chain, final: Vector, other: Vector) -> Result:
-    """The run, with a note if its derivatives differ from those at a looser tolerance."""
-    size = np.maximum(np.abs(final), np.abs(other)) + _least(chain)
-    apart = float((np.abs(final - other) / size).max(initial=0.0))
+def _with_note(result: Result, chain: Chain, found: Vector, other: Vector) -> Result:
+    """The run, with a note if its derivatives, shape (instants, ny, count), differ from those at a looser tolerance."""
+    size = np.maximum(np.abs(found), np.abs(other)) + _least(chain)
+    apart = float((np.abs(found - other) / size).max(initial=0.0))
     if apart <= _APART * chain.tolerance:
         return result
     note = (
