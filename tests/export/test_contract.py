@@ -35,7 +35,7 @@ from acausal import (
     when,
     where,
 )
-from acausal.errors import AcausalError, ExportError
+from acausal.errors import AcausalError
 from acausal.lower.casadi_model import CasadiModel
 from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.clutches import ThreeClutchDrive
@@ -339,15 +339,12 @@ class Opened(Component):
         yield when(self.x < 1.0, reset(self.n, pre(self.n) + 1))
 
 
-def test_what_initial_sets_is_the_start_or_refused() -> None:
-    # init(p) of other parameters began at 0, without a word
-    compiled = acausal.compile(Opened())
-    with pytest.raises(ExportError) as raised:
-        compiled.casadi(events=True)
-    assert raised.value.code == "AC608"
-    model = compiled.casadi(events=True, parameters=[])
+def test_what_initial_sets_is_the_start_and_noted() -> None:
+    """x begins at 2 k = 3; init(p) is the start before that, of any k."""
+    model = acausal.compile(Opened()).casadi(events=True)
     assert model.x.start == [3.0, 0.0]
+    assert any("those after initial() for the declared parameters" in note for note in model.notes)
     assert model.events is not None
-    after, _, _, settled = model.events.react(model.x.start, [], [], [], model.events.m.start, [])
+    after, _, _, settled = model.events.react(model.x.start, [], [], model.p.start, model.events.m.start, [])
     assert np.array(after).ravel().tolist() == [3.0, 0.0]
     assert float(settled) == 1.0

@@ -63,14 +63,11 @@ def casadi_model(
         AC010 for an unknown output, AC020 for an unknown parameter, AC053 for one that minimal coordinates stand on.
     ExportError
         AC603 when the start conditions do not determine as many values as are open, AC608 when events change what the
-        functions depend on, or initial() sets a start that depends on p, AC613 for minimal coordinates of a model with
-        events.
+        functions depend on, AC613 for minimal coordinates of a model with events.
     """
     wanted = named_outputs(compiled, outputs)
     left_out = check(compiled, BETWEEN if events else FUNCTIONS, wanted)
     chosen = _chosen(compiled, parameters)
-    if events:
-        _refuse_openings(compiled, chosen)
     begin = start_point(compiled)
     reactions = None
     notes = [*compiled.flat.notes, *begin.notes, *left_out]
@@ -162,20 +159,6 @@ def _chosen(compiled: CompiledModel, names: Sequence[str] | None) -> list[int] |
     return [places[name] for name in dict.fromkeys(names)]
 
 
-def _refuse_openings(compiled: CompiledModel, chosen: list[int] | None) -> None:
-    """Refuse `initial()` beside parameters: what it sets is known for their declared values only."""
-    nodes = compiled.solution.structure.reduced.pool.nodes
-    names = compiled.parameters if chosen is None else [compiled.parameters[k] for k in chosen]
-    if names and any(nodes[n][0] == "initial" for n in compiled.state_events.flags):
-        raise ExportError(
-            "AC608",
-            f"{compiled.name} is not exported with its events and the parameters {', '.join(names[:4])}",
-            cause="initial() sets the start, which the function init(p) does not do",
-            help="parameters=[] makes them numbers: x.start, z.start and events.m.start are the start after initial(); "
-            "or give start values that depend on the parameters, fixed(...)",
-        )
-
-
 def _refuse_minimal_events(compiled: CompiledModel, events: bool) -> None:
     if events and compiled.solution.structure.invariants:
         raise ExportError(
@@ -240,7 +223,10 @@ def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
     if resets or events.relations:
         notes.append("events that follow one another ever faster, and sliding, are not ended: that is the loop's")
     if events.flags:
-        notes.append("initial() and terminal() are false in events: the start values are those after initial()")
+        notes.append(
+            "initial() and terminal() are false in events: x.start, z.start and events.m.start are those "
+            "after initial() for the declared parameters; for others, what initial() sets is the loop's"
+        )
     return tuple(notes)
 
 
