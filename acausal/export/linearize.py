@@ -148,10 +148,7 @@ def linearize(
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
     given = parameters if isinstance(model, CompiledModel) else None
     lasting = lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
-    known = _parameters_of_run(compiled, result, lasting)
-    # a component was compiled with what was given, which a run does not know better
-    own = {n: v for n, v in known.items() if not {n, n.partition("[")[0]} & (parameters or {}).keys()}
-    p = parameter_vector(compiled, {**own, **(given or {})})
+    p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting, parameters or {}), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {}, lasting)
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
@@ -204,12 +201,17 @@ def _slopes_of(
     return slopes
 
 
-def _parameters_of_run(compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str]) -> dict[str, float]:
-    """Free parameters of a run, which calls contacts by their `lasting` names."""
+def _parameters_of_run(
+    compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str], given: Mapping[str, object]
+) -> dict[str, float]:
+    """Free parameters of a run, which calls contacts by their `lasting` names.
+
+    Without those `given`: a component was compiled with them, which a run does not know better.
+    """
     if result is None:
         return {}
     signals = result.signals
-    names = {n: renamed(n, lasting) for n in compiled.parameters}
+    names = {n: renamed(n, lasting) for n in compiled.parameters if not {n, n.partition("[")[0]} & given.keys()}
     return {n: signals[run].value for n, run in names.items() if run in signals and signals[run].parameter}
 
 

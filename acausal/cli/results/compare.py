@@ -111,10 +111,8 @@ def compare(
             f"{plural(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
         )
         if short:
-            say(
-                f"{second.name} covers {b.time[0]:g} ... {b.time[-1]:g} s of the {a.time[0]:g} ... {a.time[-1]:g} s of "
-                f"{first.name}: out of tolerance"
-            )
+            covered, asked = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
+            say(f"{second.name} covers {covered} the {asked} {first.name}: out of tolerance")
         if picture is not None:
             remark(f"wrote {picture}")
     if bad or short:

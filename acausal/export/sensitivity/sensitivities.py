@@ -16,7 +16,7 @@ from acausal.arrays import Vector
 from acausal.errors import UsageError, meant
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
-from acausal.export.sensitivity.chain import Chain
+from acausal.export.sensitivity.chain import Chain, Derivatives
 from acausal.export.sensitivity.missed import refuse_missed
 from acausal.export.sensitivity.two_sided import refuse_two_sided
 from acausal.language.component import Component
@@ -120,14 +120,8 @@ def sensitivities(
     wanted = named_outputs(compiled, outputs)
     check(compiled, SENSITIVITIES, wanted)
     chosen = _places_of(compiled, parameters)
-    opts = options(
-        compiled.flat.experiment,
-        start_time=start_time,
-        stop_time=stop_time,
-        tolerance=tolerance,
-        solver=solver,
-        native=native,
-    )
+    given = {"start_time": start_time, "stop_time": stop_time, "tolerance": tolerance}
+    opts = options(compiled.flat.experiment, **given, solver=solver, native=native)
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
 
     def chain_of(opts: Options) -> tuple[Chain, Result]:
@@ -138,31 +132,38 @@ def sensitivities(
     chain, result = chain_of(opts)
     refuse_missed(chain)
     refuse_two_sided(chain)
-    derivatives = getattr(chain, method)()
     requested = np.asarray(times, dtype=float)
     _check_times(requested, chain)
-    final, along = derivatives.final, np.zeros((0, len(wanted), len(parameters)))
-    along_wrong = along
-    if len(requested):
-        along, along_wrong = np.split(chain.trajectory(requested, with_errors=True), 2, axis=2)
-    # the end, and then all instants that are asked for
-    known, wrong = np.concatenate([final[None], along]), np.concatenate([derivatives.wrong[None], along_wrong])
-    if (np.abs(wrong) > _SUSPECT * _APART * tolerance * (np.abs(known) + _least(chain))).any():
+    found, wrong, of_times = _derived(chain, method, requested)
+    if (np.abs(wrong) > _SUSPECT * _APART * tolerance * (np.abs(found) + _least(chain))).any():
         looser, _ = chain_of(replace(opts, tolerance=_LOOSER * tolerance))
-        others = getattr(looser, method)().final[None], looser.trajectory(np.minimum(requested, looser.stop))
-        result = _with_note(result, chain, known, np.concatenate(others))
+        other, *_ = _derived(looser, method, np.minimum(requested, looser.stop))
+        result = _with_note(result, chain, found, other)
     located = [k for k in range(len(chain.passages)) if not chain.is_no_event(k)]
     return Sensitivities(
         tuple(parameters),
         tuple(output.name for output in wanted),
-        final,
+        found[0],
         chain.values(),
         np.array([chain.passages[k].time for k in located]),
-        derivatives.of_times[located],
+        of_times[located],
         result,
         requested,
-        along,
+        found[1:],
     )
+
+
+def _derived(chain: Chain, method: str, times: Vector) -> tuple[Vector, Vector, Vector]:
+    """(Derivatives at the end and then at `times` [s], what is known to be wrong in them, those of event times).
+
+    Shapes (1 + times, ny, count), the same, and (n_events, count).
+    """
+    ended: Derivatives = getattr(chain, method)()
+    found, wrong = ended.final[None], ended.wrong[None]
+    if len(times):
+        along, along_wrong = np.split(chain.trajectory(times, with_errors=True), 2, axis=2)
+        found, wrong = np.concatenate([found, along]), np.concatenate([wrong, along_wrong])
+    return found, wrong, ended.of_times
 
 
 def _with_note(result: Result, chain: Chain, found: Vector, other: Vector) -> Result:
