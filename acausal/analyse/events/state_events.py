@@ -9,13 +9,14 @@ relations of discrete variables change at events only.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.domains import guarded
+from acausal.analyse.events.jumping_tables import jumping_table, number_of_segment, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
 from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.time_events import TimeEvents
@@ -118,7 +119,8 @@ def find_state_events(
     own += [pool.var(v) for v in switched_dependents(solution)]
     own += kinks_to_locate.numbers
     inside = [*solution.residuals, *_definitions(solution, own)]
-    inside = _eventful(pool, inside)  # perhaps one of the thousand cells of a field
+    definitions = dict(solution.definitions)
+    inside = _eventful(pool, inside, definitions)  # perhaps one of the thousand cells of a field
     roots = [*own, *inside]
     if not (roots or kinks_to_locate.watched):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
@@ -131,7 +133,8 @@ def find_state_events(
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, discrete)})
     kinks = Kinks(pool, solution.definitions)
     branches = split_at_kinks(kinks, solution.structure.points, visible, dict(rewritten))
-    branches |= _jumps(pool, [*visible, *_visible(pool, branches.values())], steps, discrete, {**rewritten, **branches})
+    seen = [*visible, *_visible(pool, branches.values())]
+    branches |= _jumps(pool, seen, steps, discrete, {**rewritten, **branches}, definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.branches:
         located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
@@ -245,13 +248,32 @@ def _moves(pool: Pool, node: int, discrete: frozenset[int]) -> bool:
 
 
 def _jumps(
-    pool: Pool, visible: Iterable[int], steps: set[int], discrete: frozenset[int], rewritten: dict[int, int]
+    pool: Pool,
+    visible: Iterable[int],
+    steps: set[int],
+    discrete: frozenset[int],
+    rewritten: Mapping[int, int],
+    definitions: Mapping[int, int],
 ) -> dict[int, int]:
-    """Maps `sign` of varying expressions, and `floor` and `ceil` among `steps`, to branches on relations."""
+    """Maps `sign` of varying expressions, and `floor`, `ceil` and tables that jump among `steps`, to branches."""
     found: dict[int, int] = {}
     done = dict(rewritten)
+
+    def stairs(number: int, op: str, u: int) -> int:
+        found[number] = done[number] = _stairs(pool, number, op, u)
+        was = pool.make("pre", number)
+        found[was] = done[was] = was  # the memory stores the value of the branch under this node
+        return found[number]
+
     for number in visible:
         op, *operands = pool.nodes[number]
+        table = jumping_table(pool, number, definitions) if number in steps else None
+        if table is not None and _moves(pool, operands[0], discrete):
+            segment = number_of_segment(pool, table, operands[0])
+            below = pool.nodes[segment][1]
+            pool.rewrite([below, *operands], pool.var, done)
+            k = stairs(segment, "floor", done[below])
+            found[number] = done[number] = on_segment(pool, table, done[operands[0]], k)
         if number in rewritten or op not in ("sign", "floor", "ceil") or not _moves(pool, operands[0], discrete):
             continue
         pool.rewrite(operands, pool.var, done)
@@ -263,9 +285,7 @@ def _jumps(
             over, under = pool.where(above, pool.one, pool.zero), pool.where(below, pool.zero, pool.neg(pool.one))
             found[number] = done[number] = pool.add(over, under)
         elif number in steps:
-            found[number] = done[number] = _stairs(pool, number, op, u)
-            was = pool.make("pre", number)
-            found[was] = done[was] = was  # the memory stores the value of the branch under this node
+            stairs(number, op, u)
     return found
 
 
@@ -291,13 +311,17 @@ def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
     return pool.where(pool.make(rises, u, above), pool.make("max", up, here), lower)
 
 
-def _eventful(pool: Pool, roots: Sequence[int]) -> list[int]:
-    """Those of `roots` that contain an operation of `_EVENTFUL`."""
+def _eventful(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> list[int]:
+    """Those of `roots` that contain an operation of `_EVENTFUL`, or a table that jumps."""
     nodes = pool.nodes
     holds: set[int] = set()
     for number in pool.reachable(roots):
         op, *operands = nodes[number]
-        if op in _EVENTFUL or (op not in LEAVES and not holds.isdisjoint(operands)):
+        if (
+            op in _EVENTFUL
+            or jumping_table(pool, number, definitions)
+            or (op not in LEAVES and not holds.isdisjoint(operands))
+        ):
             holds.add(number)
     return [n for n in roots if n in holds]
 

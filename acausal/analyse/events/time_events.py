@@ -141,12 +141,13 @@ def stretch_numbers(
             continue
         ends = stops(table, relative).tolist() if len(table.coefficients[0]) > 1 else []
         if ends:
-            place = _number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
+            place = segment_number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
             found[place] = len(table_ends(table, relative)) - len(ends)
     return tuple(found), sum(found.values())
 
 
-def _number(pool: Pool, argument: int, ends: list[float]) -> int:
+def segment_number(pool: Pool, argument: int, ends: list[float]) -> int:
+    """The node of the number of the segment between two `ends` that holds `argument`, the first and last extended."""
     places = lookup(*_line(ends), "stretch")
     place = pool.make(Call(places, 0), argument)
     inside = pool.make("min", pool.make("max", place, pool.const(0.5)), pool.const(len(ends) - 1.5))

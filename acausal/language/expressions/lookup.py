@@ -6,23 +6,61 @@ rows would be ten thousand operations for each value, and as many lines of C.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import isfinite
 from typing import Any, NoReturn
 from weakref import WeakValueDictionary
 
 from acausal.errors import DeclarationError
+from acausal.language.expressions.expression import Expr
 from acausal.language.expressions.external import External
 
+# Size of a jump that may be the rounding of coefficients, relative to their terms.
+_ROUNDING = 1e-9
 _CACHE: WeakValueDictionary[Any, Lookup] = WeakValueDictionary()
 
 
 def lookup(breaks: Sequence[float], coefficients: Sequence[Sequence[float]], name: str = "table") -> Lookup:
-    """A piecewise polynomial; equal arguments return one object, so that models that contain it are equal."""
+    """A piecewise polynomial; equal arguments return one object, so that models that contain it are equal.
+
+    Raises DeclarationError: AC160 when the breakpoints do not increase, the rows of coefficients are not one for each
+    segment and of one length, or something is no finite number.
+    """
+    wrong = _wrong(breaks, coefficients)
+    if wrong:
+        raise DeclarationError(
+            "AC160",
+            f"lookup: {wrong}",
+            help="lookup(breaks, coefficients) makes a function, to be called with its argument: "
+            "lookup([0.0, 1.0, 2.0], [(5.0, 1.0), (6.0, 0.0)])(u); "
+            "table(points, u) of acausal.library.blocks interpolates points",
+        )
     key = tuple(breaks), tuple(map(tuple, coefficients)), name
     found = _CACHE.get(key)
     if found is None:
         found = _CACHE[key] = Lookup(*key)
     return found
+
+
+def _wrong(breaks: Sequence[float], coefficients: Sequence[Sequence[float]]) -> str:
+    """What is wrong with the arguments of `lookup`; "" if nothing is."""
+    if isinstance(breaks, Expr):
+        return f"`{breaks}` is given as breakpoints"
+    try:
+        rows = [tuple(map(float, row)) for row in coefficients]
+        ends = tuple(map(float, breaks))
+    except (TypeError, ValueError, DeclarationError):
+        return "breakpoints, and a row of coefficients for each segment, are numbers"
+    if not all(map(isfinite, (*ends, *(c for row in rows for c in row)))):
+        return "a breakpoint or a coefficient is not finite"
+    falling = next((k for k, (a, b) in enumerate(pairwise(ends)) if b <= a), None)
+    if falling is not None:
+        return f"breakpoint {falling + 2} of {len(ends)}, {ends[falling + 1]}, does not lie beyond the one before"
+    if len(rows) != len(ends) - 1 or not rows:
+        return f"{len(ends)} breakpoints have {max(len(ends) - 1, 0)} segments, and there are {len(rows)} rows"
+    degrees = {len(row) for row in rows}
+    return "" if len(degrees) == 1 and 0 not in degrees else "its rows have different lengths, or none"
 
 
 class Lookup(External):
@@ -40,7 +78,14 @@ class Lookup(External):
         super().__init__(name, _no_factory, inputs=((),), outputs=((),))
         self.breaks = tuple(breaks)
         self.coefficients = tuple(map(tuple, coefficients))
+        self.has_jumps = any(self._jumps())
         self._slope: Lookup | None = None
+
+    def _jumps(self) -> Iterator[bool]:
+        """For each inner breakpoint whether the polynomials of its sides differ there by more than rounding."""
+        for (a, b), row, after in zip(pairwise(self.breaks), self.coefficients, self.coefficients[1:], strict=False):
+            terms = [c * (b - a) ** k for k, c in enumerate(row)]
+            yield abs(sum(terms) - after[0]) > _ROUNDING * max(map(abs, (*terms, after[0])))
 
     @property
     def partials(self) -> External:

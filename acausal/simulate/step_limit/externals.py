@@ -28,7 +28,8 @@ def note_on_externals(compiled: CompiledModel) -> str:
     if compiled not in _NOTES:
         pool = compiled.solution.structure.reduced.pool
         moving = {
-            op.external
+            # derivatives jump where the function has a kink: its factory shows which kinks there are
+            op.external.primal or op.external
             for op, *arguments in pool.nodes
             if isinstance(op, Call) and any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable(arguments, {}))
         }

@@ -1,0 +1,71 @@
+"""Tables that jump: the segment becomes a number that changes at located events only.
+
+The slope of a table of straight segments is a table of steps, that of a cubic with one continuous derivative jumps in
+its second derivative. Where such a table is one search (`acausal.lookup`) and no tree of relations, nothing in the
+equations would tell of its jumps: a multistep method passes a whole segment in one step, since all rates before and
+after are constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from acausal.analyse.events.time_events import is_of_time, segment_number
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup, lookup
+
+_CONSTANT = frozenset(("floor", "ceil", "sign", "pre", "sample", "initial", "terminal", "infinitesimal", *RELATIONS))
+"""Operations whose values change at events only."""
+
+
+def jumping_table(pool: Pool, number: int, definitions: Mapping[int, int]) -> Lookup | None:
+    """The table that a node reads, if it jumps and its argument moves with variables between events; None otherwise.
+
+    Tables of time are left out: runs stop at their segments, or bound their steps by them, without an event
+    (`acausal.simulate.equations.kinks`), and a measured speed has thousands of rows. `definitions` maps variables to
+    nodes.
+    """
+    op, *operands = pool.nodes[number]
+    table = op.external if isinstance(op, Call) else None
+    if not isinstance(table, Lookup) or not table.has_jumps or not _moves(pool, operands[0]):
+        return None
+    return None if is_of_time(pool, operands[0], definitions) else table
+
+
+def _moves(pool: Pool, root: int) -> bool:
+    """Whether a node changes between events; discrete variables count as moving."""
+    seen: set[int] = set()
+    stack = [root]
+    while stack:
+        number = stack.pop()
+        op, *operands = pool.nodes[number]
+        if op == "var":
+            return True
+        if number not in seen and op not in LEAVES and op not in _CONSTANT:
+            seen.add(number)
+            stack += operands
+    return False
+
+
+def number_of_segment(pool: Pool, table: Lookup, argument: int) -> int:
+    """The node of the number of the segment at `argument`, a `floor`."""
+    return segment_number(pool, argument, list(table.breaks))
+
+
+def on_segment(pool: Pool, table: Lookup, argument: int, segment: int) -> int:
+    """The node of the polynomial of a table on a given segment, by Horner's scheme."""
+    entry = pool.add(segment, pool.const(0.5))  # amid the steps, where rounding chooses no neighbour
+    columns = list(np.array(table.coefficients, dtype=float).T)
+    value = _by_number(pool, columns[-1].tolist(), entry)
+    distance = pool.sub(argument, _by_number(pool, table.breaks[:-1], entry)) if len(columns) > 1 else pool.zero
+    for column in columns[-2::-1]:
+        value = pool.add(_by_number(pool, column.tolist(), entry), pool.mul(distance, value))
+    return value
+
+
+def _by_number(pool: Pool, values: list[float] | tuple[float, ...], entry: int) -> int:
+    steps = lookup([float(k) for k in range(len(values) + 1)], [(v,) for v in values], "step")
+    return pool.make(Call(steps, 0), entry)
