@@ -50,7 +50,8 @@ def pulse(amplitude: Expr, width: Expr, period: Expr, nperiod: int, offset: Expr
 def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
     """Linear interpolation of `points`, whose times count from `start_time` [s]; `offset` before.
 
-    Beyond its ends the table goes on along its first and its last line, as in the Modelica Standard Library.
+    Beyond its ends the table goes on along its first and its last line, as in the Modelica Standard Library; where it
+    ends with a jump, it holds the last value, and the first one where it begins with a jump.
 
     Raises
     ------
@@ -59,9 +60,8 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
     """
     _check(points)
     t = unitless(time - start_time)
-    rows = _joined([(t0, y0, (y1 - y0) / (t1 - t0), t1) for (t0, y0), (t1, y1) in pairwise(points) if t1 > t0])
-    if not rows:
-        return offset + where(time < start_time, 0.0, points[-1][1])
+    segments = [(t0, y0, (y1 - y0) / (t1 - t0), t1) for (t0, y0), (t1, y1) in pairwise(_with_ends(points)) if t1 > t0]
+    rows = _joined(segments)
     cuts = _cuts(rows)
     pieces: list[Expr | float] = []
     for first, last in pairwise([0, *cuts, len(rows)]):
@@ -75,6 +75,16 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
             pieces.append(lookup([*(r[0] for r in own), own[-1][3]], [r[1:3] for r in own], name)(t))
     breaks = [start_time + quantity(rows[k][0], "s") for k in cuts]
     return offset + where(time < start_time, 0.0, _select(breaks, pieces))
+
+
+def _with_ends(points: Points) -> Points:
+    """The points, with a level line behind a jump at the end, and before one at the beginning."""
+    (first, y_first), (last, y_last) = points[0], points[-1]
+    far = last - first or 1.0
+    # what lies before time zero is not seen
+    before = ((first - far, y_first),) if first > 0.0 and len(points) > 1 and points[1][0] == first else ()
+    after = ((last + far, y_last),) if len(points) == 1 or points[-2][0] == last else ()
+    return (*before, *points, *after)
 
 
 def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[float, float, float, float]]:

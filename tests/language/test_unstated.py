@@ -234,3 +234,13 @@ def test_an_expression_alone_on_a_line() -> None:
 
     assert line_of(refused(Summed)).startswith("self.damper.s_rel - ")
     assert line_of(refused(Compared)).startswith("self.mass.s > ")
+
+
+def test_a_connection_outside_of_a_component() -> None:
+    """Of a model that exists already: nothing would yield it, and the mass would swing undamped."""
+    model = Oscillator()
+    with pytest.raises(
+        DeclarationError, match=r"`connect\(damper.flange_b, mass.flange_a\)` is made outside"
+    ) as caught:
+        connect(model.damper.flange_b, model.mass.flange_a)
+    assert caught.value.code == "AC186"

@@ -85,6 +85,28 @@ def test_source_waveform(sources: acausal.Result, name: str) -> None:
         assert sources.at(t, name) == pytest.approx(y, abs=1e-9), t
 
 
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        (((0.0, 0.0), (1.0, 1.0), (1.0, 5.0)), {0.5: 0.5, 1.5: 5.0, 3.0: 5.0}),
+        (((1.0, 2.0), (1.0, 3.0), (2.0, 5.0)), {0.5: 2.0, 1.5: 4.0, 3.0: 7.0}),
+        (((1.0, 7.0), (1.0, 9.0)), {0.5: 7.0, 1.5: 9.0}),
+        (((1.0, 7.0),), {0.5: 7.0, 1.5: 7.0}),
+    ],
+)
+def test_a_table_that_ends_with_a_jump_holds_its_last_value(
+    points: tuple[tuple[float, float], ...], expected: dict[float, float]
+) -> None:
+    """Modelica.Blocks.Sources.TimeTable: of two last points at one time, the next value is held."""
+
+    class Alone(Component):
+        table: TimeTable = TimeTable(table=points)
+
+    result = acausal.simulate(Alone(), stop_time=3.0)
+    for t, y in expected.items():
+        assert result.at(t, "table.y") == pytest.approx(y, abs=1e-12), t
+
+
 def test_no_solver_steps_over_a_jump(sources: acausal.Result) -> None:
     """Integrals over rectangles and broken lines, as areas."""
     assert sources.final("pulse_integral.y") == pytest.approx(0.5 * 5.0 + 3 * 2.0 * 0.25, abs=1e-8)

@@ -9,7 +9,7 @@ from acausal.errors import DeclarationError, UnitError
 from acausal.language.component import Component, Connector
 from acausal.language.declarations.declaration import Kind
 from acausal.language.expressions.expression import Expr, Symbol, shape_text
-from acausal.language.statement import Statement, made
+from acausal.language.statement import Statement, is_recording, made
 from acausal.units import ambiguous, parse
 
 Connectable = TypeVar("Connectable", bound=Connector | Expr)
@@ -34,7 +34,8 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
     Raises
     ------
     DeclarationError
-        AC120 when the ends are of different types, AC121 when an end is neither connector nor signal.
+        AC120 when the ends are of different types, AC121 when an end is neither connector nor signal, AC186 outside of
+        the methods of a component, where nobody would hear of the connection.
     UnitError
         AC154 when connected signals have different dimensions.
     """
@@ -59,7 +60,15 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
         )
     if isinstance(first, Expr):
         _check_signals(ends)  # type: ignore[arg-type]
-    return Connection(ends)  # type: ignore[arg-type]
+    connection = Connection(ends)  # type: ignore[arg-type]
+    if not is_recording():
+        raise DeclarationError(
+            "AC186",
+            f"`{connection}` is made outside of a component's `equations`",
+            cause="it would be lost: a model knows only what its methods yield",
+            help="yield it in the `equations` of a component that has both ends, or of a class derived from it",
+        )
+    return connection
 
 
 def is_element(end: object) -> bool:
