@@ -266,6 +266,19 @@ class FlatSystem:
         return tuple(names)
 
     @cached_property
+    def heard(self) -> frozenset[int]:
+        """Nodes of the parameters that an equation, a start, an event or a condition depends on."""
+        roots = [n for e in (*self.equations, *self.initial_equations) for n in (e.left, e.right)]
+        for w in self.whens:
+            roots += [*w.conditions, *w.earlier, *(n for _, n in w.actions)]
+        roots += [a.node for a in self.assignments]
+        roots += [a.condition for a in (*self.asserts, *self.demands)]
+        roots += [s.node for s in self.starts.values()]
+        roots += [n for d in self.delays for n in (d.source, d.time, d.most) if n is not None]
+        roots += [n for n, _ in self.undelayed]
+        return frozenset(n for n in self.pool.reachable(roots) if self.pool.nodes[n][0] == "par")
+
+    @cached_property
     def limited(self) -> tuple[tuple[int, FlatParameter, int], ...]:
         """Entries of bound parameters with limits: (node, parameter, index of the entry), without duplicates."""
         unique: dict[tuple[int, int], tuple[int, FlatParameter, int]] = {}

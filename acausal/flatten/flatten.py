@@ -48,6 +48,7 @@ from acausal.flatten.instances.templates import Template, make_template, replay,
 from acausal.flatten.parameters import ParameterTable, check_bound, check_overrides, check_values, foreign, refuse_time
 from acausal.flatten.pool import IMPULSE, Pool
 from acausal.flatten.scalars.scalarise import Scalars, allocate, scalars
+from acausal.flatten.unheard import unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection
@@ -136,7 +137,8 @@ def flatten(
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated(i.component for i in found)
-    return flat
+    # what one structure of many does not hear, another may
+    return flat if choices else replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
 
 
 def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, Connection, Origin]]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
+from acausal.flatten.unheard import unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.cache.cache import choices_hold_for
@@ -116,21 +117,26 @@ def simulate(
         made: Result = provided("simulated_to_accuracy")(compiled, accuracy, asked, more, progress)
         return made
     result = _result(compiled, options(compiled.flat.experiment, **asked), own or {}, inputs or {}, progress, force)
-    return _with_remarks(result, discrete_starts(compiled, start)) if start else result
+    remarks = unheard_parameters(compiled.flat, own) if own else ()
+    return _with_remarks(result, (*remarks, *_start_remarks(result, discrete_starts(compiled, start) if start else {})))
 
 
-def _with_remarks(result: Result, starts: Mapping[str, float]) -> Result:
-    """The result with a note on discrete variables that do not begin with the values that they were given.
+def _start_remarks(result: Result, starts: Mapping[str, float]) -> list[str]:
+    """Notes on discrete variables that do not begin with the values that they were given.
 
     Those of continuous variables hold like conditions (AC302). That of a discrete variable is its value *before* the
     start, and its equations and clauses decide what follows from it.
     """
-    remarks = [
+    return [
         f"{name} was given the start {value:g}, and begins with {result[name][0]:g}: its equations or an event at the "
         "start say so"
         for name, value in starts.items()
         if name in result and len(result.time) and result[name][0] != value
     ]
+
+
+def _with_remarks(result: Result, remarks: Sequence[str]) -> Result:
+    """The result with more notes, which the log tells too."""
     if not remarks:
         return result
     for remark in remarks:
