@@ -11,7 +11,7 @@ from typing import Any
 from acausal.errors import UsageError, meant
 from acausal.providers import provided
 
-FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "too_large", "invariants", "instants")
+FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "too_large", "step_error", "invariants", "instants")
 """Names of the functions of a `CasadiModel`, in the order in which files hold them."""
 EVENT_FUNCTIONS = ("dae", "indicators", "react", "clocks", "round")
 """The same of `CasadiEvents`."""
@@ -154,6 +154,9 @@ class CasadiModel:
     too_large
         `(t, x, u, p, h) -> too_large`: 1 where `step` is unstable at this h, so that x_next means nothing;
         `acausal.step_function` has implicit methods.
+    step_error
+        `(t, x, u, p, h) -> error`: estimate of what `step` adds to the error of a state, by its nominal value; see
+        `acausal.export.step.defect`. Sums of it are the error of a run, but for what the model makes of errors.
     invariants
         `(t, x, z, u, p) -> (position, velocity)`: constraints that bind the states, as stated, and differentiated:
         both are 0 along solutions, and at consistent starts. The functions above draw states back to them at the rate
@@ -178,6 +181,7 @@ class CasadiModel:
     init: Any
     step: Any
     too_large: Any
+    step_error: Any
     invariants: Any
     instants: Any
     x: Ports

@@ -16,6 +16,7 @@ import pytest
 
 import acausal
 from acausal.errors import AcausalError
+from acausal.export.casadi.casadi_file import VERSION
 from acausal.lower.casadi_model import CasadiModel
 from acausal.models.drilling_dynamic import ThickBlock
 from tests.export.scenes import DrivenSlider, Slider, numbers
@@ -104,7 +105,7 @@ def _cut_functions(path: Path) -> None:
 
 
 def _newer_format(path: Path) -> None:
-    _rewritten(path, metadata=lambda text: text.replace('"version": 2', '"version": 3'))
+    _rewritten(path, metadata=lambda text: text.replace(f'"version": {VERSION}', f'"version": {VERSION + 1}'))
 
 
 def _newer_casadi(path: Path) -> None:

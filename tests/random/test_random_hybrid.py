@@ -73,7 +73,7 @@ def unsaid(seeds: range, h: float, methods: tuple[str, ...]) -> list[str]:
         names = [f"x{i}" for i in range(len(model.states))] + [f"d{j}" for j in range(len(model.discretes))]
         for method in methods:
             step = acausal.step_function(compiled, h, method)
-            flags = [k for k, name in enumerate(step.y.names) if name.startswith("step.")]
+            flags = [k for k, name in enumerate(step.y.names) if name.startswith("step.") and name != "step.error"]
             places = [step.x.position(name) for name in names]
             rows: list[np.ndarray] = []
             x, p = np.array(step.x.start), np.array(step.p.start)

@@ -152,6 +152,9 @@ def step(
     outputs: options.Outputs = None,
     settings: options.Set = None,
     freed: options.Free = None,
+    error: Annotated[
+        bool, typer.Option("--error/--no-error", help="End y with step.error, an estimate of the error of the step.")
+    ] = True,
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
@@ -169,7 +172,7 @@ def step(
 
     check_source_file(target)
     check_writable(target)
-    made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs)
+    made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs, error=error)
     made.save(target)
     operations = _operations(made.function)
     head = f"{made.function}  {made.method}, {made.step:g} s, at most {operations} operations"

@@ -17,6 +17,7 @@ from acausal.export.casadi.parts import (
     implicit_of,
     ode_of,
     outputs_of,
+    step_error_of,
     step_of,
     too_large_of,
     with_fixed_arguments,
@@ -128,6 +129,7 @@ def _functions(compiled: CompiledModel, form: Form, begin: StartPoint) -> dict[s
         "init": form.init,
         "step": step_of(ode),
         "too_large": too_large_of(ode, form.x.nominal),
+        "step_error": step_error_of(ode, form.x.nominal),
         "invariants": form.invariants,
         "instants": ca.Function("instants", *_instants(compiled), ["p"], ["times"]),
     }

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.export.step.defect import bends, defect
 from acausal.export.step.stable import differences, unstable
 
 # For variables divided by their nominal magnitude, and residuals divided by `sizes`.
@@ -72,13 +73,31 @@ _OF_STEP = ["t", "x", "u", "p", "h"]
 
 def step_of(ode: Any) -> Any:
     """Function `(t, x, u, p, h) -> (x_next, y)`: one step of the classical Runge-Kutta method."""
-    t, x, u, p, h = given = _arguments_of_step(ode)
+    t, _, u, p, h = given = _arguments_of_step(ode)
+    after, _ = _classical(ode, *given)
+    return ca.Function("step", given, [after, ode(t + h, after, u, p)[1]], _OF_STEP, ["x_next", "y"])
+
+
+def _classical(ode: Any, t: Any, x: Any, u: Any, p: Any, h: Any) -> tuple[Any, Any]:
+    """(x, rates at the start) of a step of the classical Runge-Kutta method."""
     k1 = ode(t, x, u, p)[0]
     k2 = ode(t + h / 2, x + h / 2 * k1, u, p)[0]
     k3 = ode(t + h / 2, x + h / 2 * k2, u, p)[0]
     k4 = ode(t + h, x + h * k3, u, p)[0]
-    after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return ca.Function("step", given, [after, ode(t + h, after, u, p)[1]], _OF_STEP, ["x_next", "y"])
+    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), k1
+
+
+def step_error_of(ode: Any, nominal: Sequence[float]) -> Any:
+    """Function `(t, x, u, p, h) -> error` of `step_of`, see `acausal.export.step.defect`; `nominal` has shape (nx,)."""
+    t, x, u, p, h = given = _arguments_of_step(ode)
+    after, first = _classical(ode, *given)
+    bend = bends(h, x, first, after, ode(t + h, after, u, p)[0])
+
+    def defect_at(s: Any, point: Any, slope: Any) -> Any:
+        return slope - h * ode(t + s * h, point, u, p)[0]
+
+    error = defect(x, after, bend, defect_at, ca.DM(nominal))
+    return ca.Function("step_error", given, [error], _OF_STEP, ["error"])
 
 
 def too_large_of(ode: Any, nominal: Sequence[float]) -> Any:

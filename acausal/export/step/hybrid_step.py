@@ -28,6 +28,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.start_point import StartPoint, start_point
+from acausal.export.step.defect import largest
 from acausal.export.step.event_step import Settling, any_of
 from acausal.export.step.methods import IMPLICIT, Method
 from acausal.export.step.timely import TICK, ticks, timely
@@ -72,6 +73,8 @@ class HybridStep:
     u: Any
     p: Any
     h: float
+    estimates: bool = False
+    """Whether the error of a step is estimated, else 0."""
 
     def __post_init__(self) -> None:
         p = np.array(self.compiled.parameter_values, dtype=float)
@@ -167,10 +170,10 @@ class HybridStep:
         )
 
     def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, ...]:
-        """(x, z, m, settled, located, rough, large) at the end of a step.
+        """(x, z, m, settled, located, rough, large, error) at the end of a step.
 
-        Whether its events have settled, whether all are located, whether an iteration has not converged, and whether
-        the part of the step behind its event is too large for an explicit method.
+        Whether its events have settled, whether all are located, whether an iteration has not converged, whether
+        the part of the step behind its event is too large for an explicit method, and the estimated error of both.
 
         An integer that gets a fraction is nan.
         """
@@ -179,20 +182,22 @@ class HybridStep:
         located: Any = 1
         large: Any = 0
         if self.compiled.state_events.relations:
-            x1, z1, theta, at, xe, ze, flipped, marks, seen, rough = self._locate_first(t, x, z, *held, m)
+            x1, z1, theta, at, xe, ze, flipped, marks, seen, rough, error = self._locate_first(t, x, z, *held, m)
             nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
             xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
-            x, z, m_end, later, far, large = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
+            rest = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
+            x, z, m_end, later, far, large, more = rest
             located, rough = ca.logic_and(seen, later), ca.logic_or(rough, ca.logic_and(theta < 1, far))
+            error = error + more
         else:
-            x, z, rough = self._whole(t, x, z, *held, m)
+            x, z, rough, error = self._whole(t, x, z, *held, m)
             m_end = m
         end = t + self.h
         due, late = self._ticks(end, self.p)
         for k in range(late.numel()):
             located = ca.logic_and(located, ca.logic_not(late[k]))
         x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
-        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located, rough, large
+        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located, rough, large, error
 
     def whole_numbers(self, x: Any) -> Any:
         """The states x, and nan for integers that have a fraction: a run ends there with AC147."""
@@ -208,9 +213,26 @@ class HybridStep:
 
     @cached_property
     def _whole(self) -> Any:
-        """Function `(t, x, z, u, p, m) -> (x, z, rough)`: a step with constant modes."""
+        """Function `(t, x, z, u, p, m) -> (x, z, rough, error)`: a step with constant modes."""
         s = Symbols(self.compiled)
-        return ca.Function("whole", s.inputs, self.method.step(s.t, self.h, s.x, s.z, [s.u, s.p, s.m]))
+        held = [s.u, s.p, s.m]
+        x, z, rough = self.method.step(s.t, self.h, s.x, s.z, held)
+        error = self._error(s.t, self.h, s.x, s.z, x, z, held)
+        return ca.Function("whole", s.inputs, ca.cse([ca.densify(v) for v in (x, z, rough, error)]))
+
+    def _error(self, *step: Any) -> Any:
+        return self.method.error(*step) if self.estimates else ca.SX(0)
+
+    def _fallen(self, t: Any, h: Any, x: Any, z: Any, rested: Any, held: Sequence[Any]) -> Any:
+        """Error from bodies at rest that fall in a step and are put back at its end, for those that push them."""
+        return self.method.displaced(t, h, x, z, rested, held) if self.estimates and self._impacts else ca.SX(0)
+
+    def _late(self, at: Any, width: Any, before: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
+        """Error from an event that is located to `width` of the step: what the other rates make of that time."""
+        if not self.estimates:
+            return ca.SX(0)
+        after = self.method.rates(at, x, self.method.algebraic(at, x, z, held), *held)[0]
+        return self.h * width * largest(x.numel())((after - before) / ca.DM(self.compiled.nominal_x))
 
     @cached_property
     def _at_end(self) -> Any:
@@ -224,11 +246,11 @@ class HybridStep:
     @cached_property
     def _locate_first(self) -> Any:
         """Function `(t, x, z, u, p, m) -> (x, z after the step, share, instant, x, z there, m flipped, marks, seen,
-        rough)`.
+        rough, error)`, the last up to `share`.
 
         It locates the first relation that is crossed, at the relative position `share` (1: none). For each relation,
         `marks` tells whether it is that one, whether it rests on its guard or leaves it, its distance, and its rate at
-        the start.
+        the start; behind them are how well the position is known, and the rates of states there.
         `seen` is true if no relation was crossed there and back before, and the located one does not rest.
         """
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
@@ -236,6 +258,7 @@ class HybridStep:
         held = [u, p, m]
         x1, z1, rough = self.method.step(t, self.h, x, z, held)
         g0, g1 = watch(t, x, z, *held), watch(t + self.h, x1, z1, *held)
+        whole = x1, z1
         # a body at rest that is pressed against its guard does not bounce again
         rate, noise = settling.rates(t, x, z, *held)
         impacts = {i.relation for i in self._impacts}
@@ -247,7 +270,7 @@ class HybridStep:
         x1 = self._rested(t + self.h, x1, z1, held, resting)
         g1 = watch(t + self.h, x1, z1, *held)
         passed = [ca.logic_and(ca.logic_and(g0[k] > 0, g1[k] < 0), ca.logic_not(resting[k])) for k in range(g0.numel())]
-        theta, chosen, is_found = self._crossing(s, x1, z1, g0, g1, passed)
+        theta, chosen, width = self._crossing(s, x1, z1, g0, g1, passed)
         at_once = any_of(begun)
         theta = ca.if_else(at_once, 0, theta)
         chosen = [ca.if_else(at_once, begun[k], one) for k, one in enumerate(chosen)]
@@ -264,25 +287,30 @@ class HybridStep:
         marks = ca.vertcat(*chosen, *resting, *launched, g0, rate)
         jumps = (ca.logic_and(chosen[k], _rests(g0[k], g1[k])) for k in sorted(self.compiled.state_events.resting))
         missed = any_of((self._dips(t, self.h, x, z, x1, z1, held, theta), unseen, *jumps))
-        seen = ca.logic_and(is_found, ca.logic_not(missed))
-        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen, rough)]
+        seen = ca.logic_and(width < _CLOSED, ca.logic_not(missed))
+        error = self._error(t, self.h, x, z, *whole, held, theta)
+        error = error + self._fallen(t + self.h, theta * self.h, *whole, x1, held)
+        marks = ca.vertcat(marks, width, self.method.rates(at, xe, ze, *held)[0])
+        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen, rough, error)]
         outputs: list[Any] = ca.cse(found)
         return ca.Function("reached", s.inputs, outputs)
 
     @cached_property
     def _rest_of_step(self) -> Any:
-        """Function of the outputs of `_locate_first` after its event: `-> (x, z, m, seen, rough, large)` at its end."""
+        """Function of what `_locate_first` returns, after its event: `-> (x, z, m, seen, rough, large, error)`."""
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
         count = len(self.compiled.state_events.relations)
-        like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(5 * count, 1)]
+        like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(5 * count + 1 + x.numel(), 1)]
         given = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(like)]
         x1, z1, theta, at, xe, ze, me, marks = given
-        chosen, resting, launched, g0, rate = ca.vertsplit(marks, count) if count else [marks] * 5
+        places = [*(count * k for k in range(6)), 5 * count + 1, marks.numel()]
+        chosen, resting, launched, g0, rate, width, rates = ca.vertsplit(marks, places)
         rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
         x2, z2, rough = self.method.step(at, rest, xe, ze, [u, p, me])
         large = ca.logic_and(theta < 1, self.method.too_large(at, rest, xe, ze, [u, p, me]))
+        error = self._error(at, rest, xe, ze, x2, z2, [u, p, me]) + self._late(at, width, rates, xe, ze, [u, p, me])
         away = settling.rates(at, xe, ze, *held)[0]
         behind = watch(t + self.h, x2, z2, u, p, me) < 0
         passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
@@ -302,7 +330,8 @@ class HybridStep:
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
             new[j] = ca.if_else(rests, m[j], new[j])
-        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough, large)]
+        error = ca.if_else(theta < 1, error + self._fallen(t + self.h, rest, x2, z2, x, [u, p, me]), 0)
+        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough, large, error)]
         return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse(found))
 
     def _rested(self, t: Any, x: Any, z: Any, held: Sequence[Any], resting: Sequence[Any]) -> Any:
@@ -353,14 +382,14 @@ class HybridStep:
         return any_of(found)
 
     def _crossing(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """(Relative position of the first crossed guard, 1 for none; mask of those crossed there; whether it is found).
+        """(Relative position of the first crossed guard, 1 for none; mask of those crossed there; its uncertainty).
 
         The root of the least of all crossed guards, each by its size at the start: the guard with the first secant need
         not be the first one to be crossed. The retained end of the bracket is scaled only when it is retained again,
         and the last points lie beside their secants, so that both ends are near the root.
         """
         if not passed:
-            return ca.SX(1), [], ca.SX(1)
+            return ca.SX(1), [], ca.SX(0)
         share, xb, zb = ca.SX.sym("share"), ca.SX.sym("x1", x1.numel()), ca.SX.sym("z1", z1.numel())
         held = [s.u, s.p, s.m]
         between = self._between(s.t, s.x, s.z, xb, zb, held, share)
@@ -392,7 +421,7 @@ class HybridStep:
         chosen = [ca.logic_and(is_passed, at_b[k] <= 0) for k, is_passed in enumerate(passed)]
         # the end of the bracket where the relation has changed: at the other it would change back
         theta = ca.if_else(some, ca.fmin(b, 1 - TICK), 1)
-        return theta, chosen, ca.logic_or(ca.logic_not(some), b - a < _CLOSED)
+        return theta, chosen, ca.if_else(some, b - a, 0)
 
     def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:
         """States within a step: cubic, or linear for implicit methods, whose rates may be those of fast transients.

@@ -23,6 +23,7 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.export.step.defect import bends, defect, even, largest, unsolved
 from acausal.export.step.stable import differences, unstable
 
 METHODS = ("rk2", "rk4", "rosenbrock", "sdirk")
@@ -80,6 +81,47 @@ class Method:
         b = x + h / 2 * (k1 + ka) if self.name == "rk2" else x + reach * ka
         nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[0]
         return unstable(2 if self.name == "rk2" else 4, h, x, nominal, differences(rates, reach, a, ka, b))
+
+    def error(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any = 1) -> Any:
+        """Estimated error of a step to (x1, z1), or of its first `share`, by the sizes of the states.
+
+        Defects of stiff components decay within the step: those of an implicit method are damped by one implicit Euler
+        step of the variational equation, with the Jacobian at the same point. Beside an event, its states are those of
+        a chord (`HybridStep`), and so is the curve.
+        """
+        nx = self._nx
+        if self.constant:
+            (a, still), (b, _) = (ca.vertsplit(v, [0, nx - self.constant, nx]) for v in (x, x1))
+            return self._moving.error(t, h, a, z, b, z1, [still, *held], share)
+        if not nx:
+            return ca.SX(0)
+        z0 = self.algebraic(t, x, z, held)
+        bend = bends(h, x, self.rates(t, x, z0, *held)[0], x1, self.rates(t + h, x1, z1, *held)[0])
+        if not self.is_explicit:
+            first, last = even(*bend)
+            bend = ca.if_else(share >= 1, first, 0), ca.if_else(share >= 1, last, 0)
+
+        def defect_at(s: Any, point: Any, slope: Any) -> Any:
+            w, failed = self._solved(t + s * h, point, z0 + s * (z1 - z0), held)
+            off = slope - h * self.rates(t + s * h, point, w, *held)[0]
+            if not self.is_explicit:
+                reach = h * (_GAMMA if self.name == "rosenbrock" else _DIAGONAL)
+                growth = self._total(t + s * h, point, w, *held)[0]
+                off = ca.solve(ca.sparsify(ca.SX.eye(nx) - reach * growth), ca.densify(off))
+            return off + unsolved(failed)
+
+        return defect(x, x1, bend, defect_at, ca.vertsplit(ca.DM(self.nominal), [0, nx, nx + self._nz])[0], share)
+
+    def displaced(self, t: Any, h: Any, x: Any, z: Any, onto: Any, held: Sequence[Any]) -> Any:
+        """Error of a step that ends at `x`, from states that have to be at `onto` during it, in all other states.
+
+        A third of the step with the rates of its end: what has to stay at a place departs from it with the square of
+        time. By the sizes of the states.
+        """
+        nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[0]
+        there = self.rates(t, onto, self.algebraic(t, onto, z, held), *held)[0]
+        off = ca.if_else(x == onto, (self.rates(t, x, z, *held)[0] - there) / nominal, 0)
+        return h / 3 * largest(self._nx)(off)
 
     @property
     def _nx(self) -> int:

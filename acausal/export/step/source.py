@@ -47,12 +47,16 @@ class StepFunction:
     x holds the states, discrete ones among them, then the algebraic variables, then the modes of a model with events,
     then the time where the equations depend on it. y belongs to the new x. u is constant during the `step` [s].
 
-    y ends with the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns were used up,
-    or two clauses set one variable to different values;
+    Behind the outputs, y has the flags of the step, 0 or 1: `step.unsettled`, its events had not settled when its turns
+    were used up, or two clauses set one variable to different values;
     `step.unlocated`, more happened than the one event that is located: another relation was passed, one was there and
     back, or time came to an instant at which a relation of it changes, or a clock ticks, before the end of the step;
     `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing;
     `step.unconverged`, the fixed number of Newton steps did not solve the algebraic equations, or those of a stage.
+    y ends with `step.error`, unless it was left out: an estimate of what the step adds to the error of a state, by its
+    nominal value, infinite where it could not be computed. The sum over a run is the error of its states, but for what
+    the model makes of earlier errors: it forgets those of stiff parts, which are in the sum, and enlarges those before
+    a grazing contact, which are not.
     """
 
     name: str

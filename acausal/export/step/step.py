@@ -5,7 +5,8 @@ code is straight-line, except for the turns of an event iteration. The methods a
 events use `hybrid_step.py`, their modes being part of x. Relations of time change at the first multiple of the step
 that is not before their instant: exact for instants on the grid.
 
-Conditions that a step of bounded work cannot guarantee are reported by flags at the end of y, 0 if all is well.
+Conditions that a step of bounded work cannot guarantee are reported by flags behind the outputs in y, 0 if all is well,
+and its accuracy by an estimate behind them (`defect.py`).
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ _MOST_UNKNOWNS = 60
 
 
 def step_function(
-    compiled: CompiledModel, step: float, method: str = "rk4", outputs: Sequence[str] | None = None
+    compiled: CompiledModel,
+    step: float,
+    method: str = "rk4",
+    outputs: Sequence[str] | None = None,
+    *,
+    error: bool = True,
 ) -> StepFunction:
     """Create a function for one step of length `step` [s] of the states, shape (n,), including events.
 
@@ -44,6 +50,8 @@ def step_function(
         "rk2", "rk4", "rosenbrock" or "sdirk".
     outputs
         Names of the variables in y, as in `CompiledModel.casadi`.
+    error
+        Whether y ends with `step.error`, see `StepFunction`; without it a step evaluates the rates less often.
 
     Raises
     ------
@@ -67,16 +75,23 @@ def step_function(
             f"{_MOST_UNKNOWNS}",
             help="reduce the model, or take an explicit method" if method in IMPLICIT else "reduce the model",
         )
-    return _Builder(compiled, step, method, wanted, left_out).result()
+    return _Builder(compiled, step, method, wanted, left_out, error).result()
 
 
 class _Builder:
     """Builder of one step function."""
 
     def __init__(
-        self, compiled: CompiledModel, step: float, method: str, wanted: Sequence[Output], left_out: tuple[str, ...]
+        self,
+        compiled: CompiledModel,
+        step: float,
+        method: str,
+        wanted: Sequence[Output],
+        left_out: tuple[str, ...],
+        estimates: bool,
     ) -> None:
         self.compiled, self.h, self.wanted, self.left_out = compiled, step, wanted, left_out
+        self.estimates = estimates
         events = bool(compiled.state_events)
         # the event iteration is a loop, which only MX supports
         self.kind: Any = ca.MX if events else ca.SX
@@ -93,7 +108,7 @@ class _Builder:
             large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m])
             self.too_large = ca.Function("too_large", s.inputs, [ca.densify(large)])
         self.rough = ca.Function("rough", s.inputs, [self.method.rough(s.t, s.x, s.z, [s.u, s.p, s.m])])
-        self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step) if events else None
+        self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step, estimates) if events else None
 
     def result(self) -> StepFunction:
         compiled, hybrid = self.compiled, self.hybrid
@@ -138,13 +153,16 @@ class _Builder:
         before = hybrid.modes(t, kept) if hybrid else self._timely(t)
         large = self.too_large(t, x, z, self.u, self.p, before) if self.method.is_explicit else 0
         if hybrid:
-            x, z, m, settled, located, rough, later = hybrid.step(t, x, z, before)
+            x, z, m, settled, located, rough, later, error = hybrid.step(t, x, z, before)
             large = ca.logic_or(large, later)
             kept = m[hybrid.kept] if hybrid.kept else ca.MX(0, 1)
             flags = [ca.logic_not(settled), ca.logic_or(ca.logic_not(located), inside(compiled, t, h, self.p))]
         else:
             flags = [inside(compiled, t, h, self.p)] if compiled.n_timely else []
-            x, z, rough = self.method.step(t, h, x, z, [self.u, self.p, before])
+            held = [self.u, self.p, before]
+            x1, z1, rough = self.method.step(t, h, x, z, held)
+            error = self.method.error(t, h, x, z, x1, z1, held) if self.estimates else 0
+            x, z = x1, z1
             m = self._timely(end)
             if compiled.n_timely:
                 z = self.method.algebraic(end, x, z, [self.u, self.p, m])
@@ -152,6 +170,8 @@ class _Builder:
             flags.append(large)
         if self.method.iterates:
             flags.append(ca.logic_or(rough, self.rough(end, x, z, self.u, self.p, m)))
+        if self.estimates:
+            flags.append(error)
         return ca.vertcat(x, z, kept), ca.vertcat(self.y(end, x, z, self.u, self.p, m), *flags), end
 
     @property
@@ -165,7 +185,7 @@ class _Builder:
 
     @property
     def flags(self) -> list[Port]:
-        """Ports of the flags after the outputs."""
+        """Ports of the flags after the outputs, and of the estimated error."""
         unsettled = Port(
             "step.unsettled", "", "1 if the event iteration of the step did not end, or contradicts itself", 0.0
         )
@@ -173,7 +193,9 @@ class _Builder:
         large = Port("step.too_large", "", "1 if the explicit method is unstable at this step", 0.0)
         events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
         rough = Port("step.unconverged", "", "1 if Newton's method did not converge in the step", 0.0)
-        return events + [large] * self.method.is_explicit + [rough] * self.method.iterates
+        error = Port("step.error", "", "Estimated error that the step adds to a state, by its nominal value", 0.0)
+        flags = events + [large] * self.method.is_explicit + [rough] * self.method.iterates
+        return flags + [error] * self.estimates
 
     def _timely(self, t: Any) -> Any:
         """Modes just after an instant; those of variables are not looked at."""
