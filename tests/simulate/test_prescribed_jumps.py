@@ -2,10 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    ceil,
+    connect,
+    der,
+    fabs,
+    fixed,
+    floor,
+    lookup,
+    maximum,
+    sign,
+    time,
+    unitless,
+    variable,
+    where,
+)
 from acausal.errors import AcausalError
 from acausal.library.blocks import Ramp, Step
 from acausal.library.translational import Fixed, Mass, Position, Spring
@@ -93,3 +113,58 @@ class Rounded(Component):
 
 def test_a_motion_whose_rate_is_continuous_is_not_noted() -> None:
     assert noted(Rounded()) == []
+
+
+LAWS: dict[str, tuple[Callable[[Expr], Expr], bool]] = {
+    "where": (lambda x: where(x > 0.77, 3.0 * x, x), False),
+    "floor": (lambda x: floor(3.0 * x) * x, False),
+    "ceil": (lambda x: ceil(3.0 * x) * x, False),
+    "sign": (lambda x: sign(x - 0.77) * (x + 1.0), False),
+    "steps": (lambda x: lookup([0.0, 1.0, 2.0, 3.0], [(1.0,), (2.0,), (4.0,)])(floor(2.0 * x)) * x, False),
+    "where that meets": (lambda x: where(x > 0.77, 3.0 * x - 1.54, x), True),
+    "sign that meets": (lambda x: sign(x - 0.77) * (x - 0.77), True),
+    "maximum": (lambda x: maximum(x, 0.3 + fabs(x - 1.0)), True),
+}
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+@pytest.mark.parametrize("of_time", [False, True])
+@pytest.mark.parametrize("name", LAWS)
+def test_an_integrated_rate_is_what_it_is_the_rate_of(name: str, of_time: bool, solver: str) -> None:
+    """w' = q' makes w = q, or is refused where q jumps."""
+    law, is_continuous = LAWS[name]
+
+    class Follows(Component):
+        x: Real = variable(default=fixed(0.0))
+        w: Real = variable(default=fixed(0.0))
+        q: Real = variable()
+
+        def equations(self) -> Equations:
+            yield der(self.x) == 1.0
+            yield self.q == law(unitless(time) if of_time else self.x)
+            yield der(self.w) == der(self.q)
+
+    if is_continuous:
+        result = acausal.simulate(Follows(), stop_time=1.3, solver=solver, tolerance=1e-8)
+        assert result.final("w") == pytest.approx(result.final("q") - result["q"][0], abs=1e-7)
+        return
+    with pytest.raises(AcausalError) as error:
+        acausal.simulate(Follows(), stop_time=1.3, solver=solver)
+    assert error.value.code in ("AC039", "AC507")
+
+
+@pytest.mark.parametrize("name", [n for n in LAWS if n != "maximum"])
+def test_what_may_jump_needs_a_name_to_be_differentiated(name: str) -> None:
+    law, _ = LAWS[name]
+
+    class Nameless(Component):
+        x: Real = variable(default=fixed(0.0))
+        w: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == 1.0
+            yield der(self.w - 2.0 * law(self.x)) == 0.0
+
+    with pytest.raises(AcausalError, match="has no name") as error:
+        acausal.compile(Nameless())
+    assert error.value.code == "AC144"

@@ -28,6 +28,9 @@ from acausal.flatten.reduced import ReducedSystem
 # Operations that are events or are rewritten because of one; expressions without them need no search.
 _EVENTFUL = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
 _SIGN = "gt", "ge"
+# Operations whose values jump at events; those of the integer part change in the run, even if time alone moves them.
+_STEPS = frozenset(("floor", "ceil"))
+_JUMPS = frozenset((*RELATIONS, *_STEPS, "sign"))
 _EVENTFUL |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
 
 
@@ -199,10 +202,10 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
     if not pool.derivative_of.keys() - known:
         return []
     discrete = discrete_variables(reduced)
-    if not discrete and not any(node[0] in RELATIONS for node in pool.nodes):
+    if not discrete and not any(node[0] in _JUMPS for node in pool.nodes):
         return []
     ops = {pool.nodes[n][0] for n in pool.reachable(solution.residuals)}
-    switched = dict.fromkeys(solution.algebraic, bool(ops & RELATIONS))
+    switched = dict.fromkeys(solution.algebraic, bool(ops & _JUMPS))
     moved = dict.fromkeys(solution.algebraic, True)
     found_of: dict[int, tuple[bool, bool]] = {}  # by node, because definitions share nodes
     for v, node in solution.definitions:  # in the order of evaluation
@@ -213,7 +216,7 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
                 found_of[n] = switched.get(w, w in discrete), moved.get(w, w not in discrete)
             else:
                 inside = [found_of[k] for k in rest] if op not in LEAVES else []
-                found_of[n] = op in RELATIONS or any(a for a, _ in inside), any(b for _, b in inside)
+                found_of[n] = op in _JUMPS or any(a for a, _ in inside), op in _STEPS or any(b for _, b in inside)
         switched[v], moved[v] = found_of[node]
     found = [v for v in switched if v in pool.derivative_of and switched[v] and moved[v] != prescribed]
     if prescribed:  # a mere output, as the acceleration of a joint that moves nothing, needs no impulse

@@ -131,6 +131,15 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
                 cause="between its jumps the derivative is zero, at them it is infinite: the integral would be lost",
                 help="leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)",
             )
+        if e.op == "der" and (part := _switching(e.args[0])) is not None:
+            raise DeclarationError(
+                "AC144",
+                f"`{e}`: `{part}` switches, and the expression around it has no name",
+                where=(origin.span(),),
+                evidence=[str(equation)],
+                cause="where it jumps the derivative is an impulse, which a run looks for in variables only",
+                help="declare a variable for it: yield self.q == ..., and der(self.q)",
+            )
         if id(e) not in seen:
             seen.add(id(e))
             stack.extend(e.args)
@@ -147,6 +156,24 @@ def _jump(e: Expr) -> Expr | None:
             stack.extend(here.args)
         elif here.op in ("mul", "div"):
             stack.extend(a for a, other in (here.args, here.args[::-1]) if not _varies(other))
+    return None
+
+
+def _switching(e: Expr) -> Expr | None:
+    """The part of an expression that may jump at an event, unless the expression is a variable by itself.
+
+    The jumps of variables that are differentiated are seen when a run passes them (AC507, AC039).
+    """
+    stack, seen = [] if isinstance(e, Symbol) else [e], set[int]()
+    while stack:
+        here = stack.pop()
+        if here.op in ("sign", "floor", "ceil", "pre") or (here.op == "where" and not here.payload):
+            return here
+        if isinstance(here, Symbol) and here.declaration.discrete:
+            return here
+        if id(here) not in seen and here.op not in ("noevent", "where"):
+            seen.add(id(here))
+            stack.extend(here.args)
     return None
 
 

@@ -12,6 +12,7 @@ from acausal.errors import DeclarationError
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.delay import Delayed
 from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup
 
 _CONSTANT = frozenset(("pre", "initial", "infinitesimal", "terminal", "sample", "not", "and", "or", *RELATIONS))
 """Operations whose values are constant between events."""
@@ -96,10 +97,21 @@ def _rate_of_delay(op: Delayed) -> DeclarationError:
 
 
 def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
-    """Chain rule of an external function: linear in the derivatives, so that they can be solved for symbolically."""
+    """Chain rule of an external function: linear in the derivatives, so that they can be solved for symbolically.
+
+    Raises DeclarationError: AC128 for a table that jumps, whose derivative is an impulse at each jump.
+    """
     slopes = [(k, p._slopes[a]) for k, a in enumerate(operands) if p._slopes[a] != p.zero]
     if not slopes:
         return p.zero
+    if isinstance(op.external, Lookup) and op.external.has_jumps:
+        raise DeclarationError(
+            "AC128",
+            f"the time derivative of a {op.external.name} that jumps is needed and does not exist",
+            cause="the slope of straight segments jumps at every row, as does the second derivative of cubics",
+            help="give the table as speed or acceleration instead of position, or a smooth one: CombiTable1D with "
+            "smoothness=Smoothness.CONTINUOUS_DERIVATIVE on time",
+        )
     partials, first = op.external.partials, op.entry * op.external.size
     return p.sum(p.mul(p.make(Call(partials, first + k), *operands), slope) for k, slope in slopes)
 

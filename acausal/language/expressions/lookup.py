@@ -89,20 +89,9 @@ class Lookup(External):
 
     @property
     def partials(self) -> External:
-        """Its derivative, a polynomial of one degree less on each segment.
-
-        Raises DeclarationError: AC128 for a step function, which has no derivative.
-        """
-        if len(self.coefficients[0]) == 1:
-            raise DeclarationError(
-                "AC128",
-                f"the time derivative of the slope of a {self.name} is needed and does not exist",
-                cause="a table of straight segments is differentiated twice; its slope jumps at every row",
-                help="give the table as speed or acceleration instead of position, or a smooth one: CombiTable1D with "
-                "smoothness=Smoothness.CONTINUOUS_DERIVATIVE on time",
-            )
+        """Its derivative between breakpoints, a polynomial of one degree less on each segment."""
         if self._slope is None:
-            below = [[k * c for k, c in enumerate(row)][1:] for row in self.coefficients]
+            below = [[k * c for k, c in enumerate(row)][1:] or [0.0] for row in self.coefficients]
             self._slope = lookup(self.breaks, below, self.name)
         return self._slope
 

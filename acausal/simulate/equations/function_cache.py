@@ -13,6 +13,7 @@ import numpy as np
 
 from acausal.analyse.events.time_events import TimeTable, time_tables
 from acausal.arrays import Vector
+from acausal.flatten.pool import LEAVES
 from acausal.lower.build import DefiningBuilder, Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction, Columns, NarrowFunction
@@ -23,6 +24,7 @@ from acausal.simulate.start.open_start import OpenStart
 
 # Functions of single signals that are kept, and who may make one: a builder is not for two threads.
 _MOST_OBSERVED = 256
+_SWITCHED = frozenset(("where", "sign"))
 _OBSERVING = threading.Lock()
 
 
@@ -131,11 +133,20 @@ class FunctionCache:
 
     @cached_property
     def switched(self) -> tuple[int, ...]:
-        """Expressions of time that switch, are differentiated and are no derivatives themselves: nodes of the pool."""
+        """Expressions of time that switch, are differentiated and are no derivatives themselves: nodes of the pool.
+
+        The largest ones: sign(t) jumps and sign(t) * t does not.
+        """
         pool = self.compiled.solution.structure.reduced.pool
-        timely = [n for n in pool._slopes if pool.nodes[n][0] == "where" and not pool.variables_in(n)]
-        rates = set(pool.reachable(pool._slopes.values())) if timely else set()
-        return tuple(n for n in timely if n not in rates)
+        if not any(pool.nodes[n][0] in _SWITCHED for n in pool._slopes):
+            return ()
+        rates = set(pool.reachable(pool._slopes.values()))
+        timely = {n for n in pool._slopes if n not in rates and pool.nodes[n][0] not in LEAVES}
+        timely = {n for n in timely if not pool.variables_in(n)}
+        below = {n for number in timely for n in pool.nodes[number][1:]}
+        return tuple(
+            sorted(n for n in timely - below if any(pool.nodes[k][0] in _SWITCHED for k in pool.reachable([n])))
+        )
 
     @cached_property
     def switches(self) -> BufferedFunction:
