@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from math import isfinite
+from typing import TypeGuard
 
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem
@@ -76,6 +78,10 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
     return found
 
 
+def _is_factor(value: float | None) -> TypeGuard[float]:
+    return value is not None and isfinite(value)
+
+
 def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
     """Add `factor` times an expression, split into its terms, to `total`."""
     stack: list[tuple[int, Number]] = [(root, factor)]
@@ -86,11 +92,11 @@ def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
             stack += [(args[0], weight), (args[1], weight if op == "add" else -weight)]
         elif op == "neg":
             stack.append((args[0], -weight))
-        elif op == "mul" and (value := pool.value(args[0])) is not None:
+        elif op == "mul" and _is_factor(value := pool.value(args[0])):
             stack.append((args[1], weight * Fraction(value)))
-        elif op == "mul" and (value := pool.value(args[1])) is not None:
+        elif op == "mul" and _is_factor(value := pool.value(args[1])):
             stack.append((args[0], weight * Fraction(value)))
-        elif op == "div" and (value := pool.value(args[1])):
+        elif op == "div" and _is_factor(value := pool.value(args[1])) and value:
             stack.append((args[0], weight / Fraction(value)))
         else:
             total[number] = total.get(number, 0) + weight

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import acausal
@@ -45,6 +47,14 @@ class ZeroCapacity(Component):
         yield connect(self.source.p, self.r.p)
         yield connect(self.r.n, self.c.p)
         yield connect(self.c.n, self.source.n, self.ground.p)
+
+
+@corpus.bad_start("AC303", "der(x) has no finite value at the start", "yield der(self.x) == math.inf * self.x")
+class InfiniteFactor(Component):
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == math.inf * self.x
 
 
 @corpus.broken(
