@@ -14,7 +14,7 @@ from acausal.language.declarations.misuse import called
 from acausal.language.events import Assertion, When
 from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.dimensions import check_dimensions
-from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned
+from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_condition
 from acausal.language.statement import Ledger, Origin, origin_of, refuse_idle, refuse_lost, refuse_unheard, stepped
 
 Statement = tuple[Any, Origin]
@@ -164,7 +164,7 @@ def _switching(e: Expr) -> Expr | None:
 
     The jumps of variables that are differentiated are seen when a run passes them (AC507, AC039).
     """
-    stack, seen = [] if isinstance(e, Symbol) else [e], set[int]()
+    stack, seen = [] if isinstance(e, Symbol) or is_condition(e) else [e], set[int]()
     while stack:
         here = stack.pop()
         if here.op in ("sign", "floor", "ceil", "pre") or (here.op == "where" and not here.payload):
