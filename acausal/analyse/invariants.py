@@ -17,7 +17,7 @@ from fractions import Fraction
 from math import isfinite
 from typing import TypeGuard
 
-from acausal.flatten.pool import Pool
+from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import ReducedSystem
 
 # Integers where possible: fractions cost ten times as much, and nearly all factors are 1 or -1.
@@ -36,9 +36,10 @@ class _Balance:
 def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
     """The system with one differential equation of each usable invariant replaced by the invariant itself.
 
-    A model with events is returned unchanged, because resets need not satisfy the invariant.
+    A model with `when`s is returned unchanged, because resets need not satisfy the invariant. Discrete equations and
+    assertions change no state that is integrated.
     """
-    if getattr(reduced, "whens", ()) or reduced.delays:
+    if reduced.whens or reduced.delays:
         return reduced
     balances = _balances(reduced)
     combinations = null_combinations({i: b.terms for i, b in balances.items()})
@@ -176,7 +177,7 @@ def _occurrences(reduced: ReducedSystem) -> dict[int, set[int]]:
     for i, residual in enumerate(reduced.residuals):
         for v in pool.variables_in(residual) & found.keys():
             found[v].add(i)
-    for v in pool.variables_in(*reduced.image, *reduced.initial) & found.keys():
+    for v in pool.variables_in(*reduced.image, *reduced.initial, *reduced.event_nodes) & found.keys():
         found[v].add(-1)
     for v in found.keys() & pool.derivative_of.keys():
         found[v].add(-1)  # differentiated again
@@ -200,19 +201,19 @@ def _without(reduced: ReducedSystem, dropped: set[int]) -> ReducedSystem:
             pool.derivative_of[number[x]] = number[d]
     done = {old.var(v): pool.var(n) for v, n in number.items()}
     slopes = [(node, slope) for node, slope in old._slopes.items() if not old.variables_in(node, slope) & dropped]
-    roots = [*reduced.residuals, *reduced.image, *reduced.initial, *(n for pair in slopes for n in pair)]
+    roots = [*reduced.residuals, *reduced.image, *reduced.initial, *reduced.event_nodes]
+    roots += [n for pair in slopes for n in pair]
     for n in old.reachable(roots):
         node = old.nodes[n]
         if n not in done:
-            leaf = node[0] in ("const", "par", "time")
-            done[n] = pool.intern(node) if leaf else pool.make(node[0], *[done[c] for c in node[1:]])
+            is_leaf = node[0] in LEAVES and node[0] != "var"  # a variable without an image is no longer there
+            done[n] = pool.intern(node) if is_leaf else pool.make(node[0], *[done[c] for c in node[1:]])
     pool._slopes.update((done[node], done[slope]) for node, slope in slopes)
     return replace(
-        reduced,
+        reduced.with_images(done),
         pool=pool,
         scalar=tuple(reduced.scalar[v] for v in kept),
         residuals=tuple(done[r] for r in reduced.residuals),
-        image=tuple(done[n] for n in reduced.image),
         inputs=tuple(number[v] for v in reduced.inputs),
         initial=tuple(done[n] for n in reduced.initial),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -53,6 +53,27 @@ class ReducedSystem:
 
     def __repr__(self) -> str:
         return f"ReducedSystem({self.flat.name}: {len(self.residuals)} equations, {self.pool.n_variables} variables)"
+
+    @property
+    def event_nodes(self) -> list[int]:
+        """Nodes of everything that happens at events, is watched during a run, or is delayed."""
+        whens = [n for w in self.whens for n in (*w.guards, *w.values)]
+        delays = [n for delay in self.delays for n in delay if n is not None]
+        return [*whens, *self.assignments, *self.asserts, *delays]
+
+    def with_images(self, images: Mapping[int, int]) -> ReducedSystem:
+        """The system with the images of the nodes of its variables and of `event_nodes`.
+
+        Residuals and initial equations are left to the caller, who may drop some of them.
+        """
+        return replace(
+            self,
+            image=tuple(images[n] for n in self.image),
+            whens=tuple(w.mapped(images) for w in self.whens),
+            assignments=tuple(images[n] for n in self.assignments),
+            asserts=tuple(images[n] for n in self.asserts),
+            delays=tuple((images[s], images[t], None if m is None else images[m]) for s, t, m in self.delays),
+        )
 
     def name(self, variable: int) -> str:
         """Name of a variable in the model; `der(...)` for derivatives added by the compiler."""

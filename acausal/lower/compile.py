@@ -255,11 +255,9 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
     """
     dependence = Dependence(solution)
     reduced = solution.structure.reduced
-    clauses = [n for w in reduced.whens for n in (*w.guards, *w.values)]
-    clauses += [*reduced.assignments, *reduced.asserts, *(n for d in reduced.delays for n in d[:2])]
     integrated = [n for v, n in solution.definitions if v in solution.needed]
     used = dependence.pool.variables_in(*integrated, *solution.residuals)
-    used |= dependence.pool.variables_behind(clauses, dict(solution.definitions))
+    used |= dependence.pool.variables_behind(reduced.event_nodes, dict(solution.definitions))
     used |= {solution.structure.derivative(x) for x in solution.structure.states}
     discrete = discrete_variables(reduced)
 

@@ -10,7 +10,7 @@ from acausal.analyse.blocks.solve import BlockReport, Solution, needed, solve
 from acausal.analyse.start import imported
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import ReducedSystem
-from acausal.reduce.motionless import Constants, event_nodes
+from acausal.reduce.motionless import Constants
 
 
 def fold(solution: Solution, constants: Constants) -> Solution:
@@ -55,7 +55,7 @@ def _images(solution: Solution, constants: Constants) -> dict[int, int]:
     """The image of every node of a solution."""
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + [*solution.residuals, *reduced.image, *reduced.initial]
-    roots += event_nodes(reduced)
+    roots += reduced.event_nodes
     return rewritten(reduced.pool, roots, constants.variables, {**constants.branches, **constants.equal})
 
 
@@ -88,13 +88,9 @@ def _folded(reduced: ReducedSystem, images: Mapping[int, int]) -> ReducedSystem:
         if pool.variables_in(image[s]) or (start.is_fixed and imported(reduced, start.node) != image[s])
     }
     return replace(
-        reduced,
+        reduced.with_images(images),
         flat=replace(flat, starts=starts, initial_equations=tuple(flat.initial_equations[k] for k in kept)),
-        image=image,
         initial=tuple(images[reduced.initial[k]] for k in kept),
-        whens=tuple(w.mapped(images) for w in reduced.whens),
-        assignments=tuple(images[n] for n in reduced.assignments),
-        asserts=tuple(images[n] for n in reduced.asserts),
     )
 
 

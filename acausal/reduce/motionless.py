@@ -21,7 +21,6 @@ from acausal.analyse.blocks.elimination import safety
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.start import start_problem
 from acausal.flatten.pool import LEAVES, RELATIONS
-from acausal.flatten.reduced import ReducedSystem
 from acausal.reduce.intervals import EVERYTHING, Interval, decided, interval, parameter_limits
 
 _KINKS = frozenset(("min", "max", "fabs"))
@@ -66,7 +65,7 @@ class _Propagation:
         self.bounds: dict[int, Interval] = {}
         self.relations: dict[int, bool] = {}
         roots = [n for _, n in solution.definitions] + list(solution.residuals)
-        roots += event_nodes(reduced)
+        roots += reduced.event_nodes
         self.roots = [*roots, *reduced.image, *(reduced.pool.var(self.rate(x)) for x in self.known)]
         self.users: dict[int, list[int]] = {}
         self.order: list[int] = []  # nodes in the order of their evaluation
@@ -273,12 +272,6 @@ class _Propagation:
         """Bounds in evaluation order, under what is known now."""
         for number in self.order:
             self.bounds[number] = self.bound(number)
-
-
-def event_nodes(reduced: ReducedSystem) -> list[int]:
-    """Nodes of everything that happens at events or is watched during a run."""
-    whens = [n for w in reduced.whens for n in (*w.guards, *w.values)]
-    return [*whens, *reduced.assignments, *reduced.asserts]
 
 
 def _resting(solution: Solution) -> dict[int, int]:

@@ -20,7 +20,6 @@ from acausal.errors import StructureError, UsageError, meant
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem
 from acausal.reduce.fold import rewritten
-from acausal.reduce.motionless import event_nodes
 
 
 def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> Solution:
@@ -107,7 +106,7 @@ def _rates(pool: Pool, states: set[int]) -> frozenset[int]:
 def _without(reduced: ReducedSystem, zeros: dict[int, int], fast: set[int]) -> ReducedSystem:
     """The reduced system without rates that are zero; starts of what follows at once are guesses only."""
     pool, flat = reduced.pool, reduced.flat
-    roots = [*reduced.image, *reduced.initial, *event_nodes(reduced)]
+    roots = [*reduced.image, *reduced.initial, *reduced.event_nodes]
     images = rewritten(pool, roots, zeros, {})
     free = {*fast, *zeros}
     # What determined the start of a fast state now contradicts its equation.
@@ -117,11 +116,7 @@ def _without(reduced: ReducedSystem, zeros: dict[int, int], fast: set[int]) -> R
         for s, start in flat.starts.items()
     }
     return replace(
-        reduced,
+        reduced.with_images(images),
         flat=replace(flat, starts=starts, initial_equations=tuple(flat.initial_equations[k] for k in kept)),
-        image=tuple(images[n] for n in reduced.image),
         initial=tuple(images[reduced.initial[k]] for k in kept),
-        whens=tuple(w.mapped(images) for w in reduced.whens),
-        assignments=tuple(images[n] for n in reduced.assignments),
-        asserts=tuple(images[n] for n in reduced.asserts),
     )

@@ -7,7 +7,22 @@ import math
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, exp, fixed, parameter, structural, variable
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    assert_,
+    boolean,
+    der,
+    exp,
+    fixed,
+    parameter,
+    pre,
+    structural,
+    variable,
+    where,
+)
+from acausal.errors import EventError
 from acausal.models.ivp import E5, Pollution, Robertson
 
 
@@ -56,3 +71,34 @@ def test_an_unknown_constant_is_not_guessed() -> None:
 def test_totals_that_hide_small_species_are_left_alone(model: type[Component], states: int) -> None:
     """y1 + y2 + y3 = 1 would make y2 = 1e-13 a difference of numbers near 1."""
     assert len(acausal.compile(model()).states) == states
+
+
+class Drained(Component):
+    """One store drains into another; what is counted changes with its level, which must stay below a limit."""
+
+    limit: Real = parameter(default=10.0)
+    first: Real = variable(default=fixed(0.0))
+    second: Real = variable(default=fixed(0.0))
+    above: Real = boolean()
+    counted: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.first) == -2.0 * exp(-acausal.time)
+        yield der(self.second) == 2.0 * exp(-acausal.time)
+        yield self.above == ((self.second > 1.0) | pre(self.above) & (self.second > 0.5))
+        yield der(self.counted) == where(self.above, 3.0, 0.0)
+        yield assert_(self.second < self.limit, "it overflows")
+
+
+def test_discrete_equations_and_assertions_keep_their_meaning() -> None:
+    """The level 2 (1 - exp(-t)) passes 1 at log(2), 1.5 at log(4); conditions were those of other expressions."""
+    c = acausal.compile(Drained())
+    assert len([s for s in c.states if s in ("first", "second")]) == 1
+    for solver in ("rosenbrock", "idas"):
+        r = acausal.simulate(c, stop_time=2.0, solver=solver)
+        assert r.final("above") == 1.0
+        assert r.final("counted") == pytest.approx(3.0 * (2.0 - math.log(2.0)), rel=1e-6)
+    with pytest.raises(EventError, match="it overflows") as stopped:
+        acausal.simulate(c, stop_time=2.0, parameters={"limit": 1.5})
+    assert stopped.value.result is not None
+    assert stopped.value.result.time[-1] == pytest.approx(math.log(4.0), abs=1e-6)

@@ -20,7 +20,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.reduce.cone import dependence, restrict
 from acausal.reduce.confine import changing
 from acausal.reduce.freeze import ZEROS
-from acausal.reduce.motionless import event_nodes
 from acausal.reduce.outputs import output_scalars
 from acausal.reduce.select import KINDS, Left
 from acausal.result.result import Result, Signal
@@ -253,7 +252,7 @@ def _effective_parameters(compiled: CompiledModel) -> set[int]:
     """Free parameters that any evaluated expression depends on."""
     solution = compiled.solution
     reduced = solution.structure.reduced
-    roots = [n for _, n in solution.definitions] + [*solution.residuals, *event_nodes(reduced)]
+    roots = [n for _, n in solution.definitions] + [*solution.residuals, *reduced.event_nodes]
     roots += [*compiled.start.direct.values(), *compiled.start.guesses.values()]
     roots += [c.node for c in compiled.start.conditions]
     roots += [n for s, n in enumerate(reduced.image) if s not in reduced.left_out]
