@@ -296,6 +296,8 @@ def _mesh_note(
     trajectory: Trajectory, errors: list[Vector], worst: float, drift: float, is_blind: bool
 ) -> tuple[str, ...]:
     """A note if the optimum may exploit the errors of a coarse mesh, or if a run deviates from the solution."""
+    if not np.isfinite(drift):
+        return ("a run with these inputs fails, so that nothing checks the solution; replay() says why",)
     if is_blind:
         return (
             "something acts between the points of the mesh that they do not see: a run with these inputs goes "

@@ -29,6 +29,8 @@ from acausal.units import ambiguous, convert, format_dimension, in_si, parse
 
 # Share of the tolerance by which an input may be off, by the size of its variation.
 _SHARE = 0.1
+# Rounding of a value and of a polynomial through it, relative to the value.
+_ROUNDING = 32.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,18 +109,24 @@ def _is_data(value: Any) -> bool:
     return isinstance(value, str | Result | TimeSeries) or (hasattr(value, "index") and hasattr(value, "to_numpy"))
 
 
+def _allowed(values: Vector, share: float) -> float:
+    """By how much polynomials may be off: a share of the variation of the values, but no less than their rounding."""
+    return max(share * variation(values), _ROUNDING * float(np.abs(values).max()))
+
+
 def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: float, share: float) -> Pieces:
     if callable(value) and not isinstance(value, Result):
         signal = _called(value, name)
         look = signal(np.linspace(start, stop, 1001))
-        _check_limits(name, declared, look, share * variation(look))
-        return sampled(signal, np.array([start, stop]), share * variation(look), f"input {name}")
+        error = _allowed(look, share)
+        _check_limits(name, declared, look, error)
+        return sampled(signal, np.array([start, stop]), error, f"input {name}")
     series, exact = series_of(name, value)
     series = _in_unit(name, declared, series)
     times, values = _covering(name, series, start, stop)
     inside = (times >= start) & (times <= stop)
     own = values[inside] if inside.any() else values
-    error = share * variation(own)
+    error = _allowed(own, share)
     _check_limits(name, declared, own, 10.0 * error / _SHARE)
     if series.interpolation == "hold":
         return held(times, values)
