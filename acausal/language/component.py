@@ -28,6 +28,7 @@ from acausal.language.declarations.misuse import (
     field_span,
     not_made_yet,
     own_constructor,
+    own_copy,
     refuse_hiding,
     refuse_undeclared,
     unknown_field,
@@ -182,7 +183,7 @@ class Component(Owner):
                 cause=declaration.doc or None,
                 help=f"{type(self).__name__}({name}=...)",
             )
-        return declaration.default
+        return own_copy(declaration.default)
 
     def _sized(self) -> dict[str, Declaration]:
         """Declarations of this instance, with shapes computed from its structural values."""

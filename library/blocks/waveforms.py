@@ -58,7 +58,7 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
     DeclarationError
         AC130 when the table is empty, is not made of pairs, or its times descend.
     """
-    _check(points)
+    points = _checked(points)
     t = unitless(time - start_time)
     segments = [(t0, y0, (y1 - y0) / (t1 - t0), t1) for (t0, y0), (t1, y1) in pairwise(_with_ends(points)) if t1 > t0]
     rows = _joined(segments)
@@ -122,7 +122,7 @@ def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | fl
     return where(time < breaks[middle - 1], before, after)
 
 
-def _check(points: Points) -> None:
+def _checked(points: Points) -> Points:
     for k, row in enumerate(points):
         wrong = wrong_row(row)
         if wrong is not None:
@@ -131,7 +131,7 @@ def _check(points: Points) -> None:
                 f"row {k + 1} of {len(points)} of the table, {reprlib.repr(row)}, {wrong}",
                 help="table=((0.0, 0.0), (1.0, 2.0))",
             )
-    if not points:
+    if len(points) == 0:
         raise DeclarationError("AC130", "the table has no row", help="table=((0.0, 0.0), (1.0, 2.0))")
     for (t0, _), (t1, _) in pairwise(points):
         if t1 < t0:
@@ -140,3 +140,4 @@ def _check(points: Points) -> None:
                 f"the times of a table must not descend: {t1:g} s follows {t0:g} s",
                 help="sort the rows by time",
             )
+    return tuple((float(t), float(y)) for t, y in points)

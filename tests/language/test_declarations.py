@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acausal import Component, Equations, Real, der, fixed, guess, parameter, structural, variable
+import acausal
+from acausal import Component, Equations, Real, der, fixed, guess, parameter, part, structural, variable
 from acausal.errors import DeclarationError
 from acausal.flatten.flatten import flatten
 from acausal.language.declarations.declaration import Fixed, Guess
+from acausal.library.blocks import TimeTable
 
 
 class Lag(Component):
@@ -148,3 +150,33 @@ def test_a_vector_starts_entry_by_entry() -> None:
     starts = [flat.pool.value(s.node) for s in flat.starts.values() if s.path == "v"]
     assert starts == [0.1, 0.2, 0.3]
     assert not any(math.isnan(v) for v in starts if v is not None)
+
+
+def test_a_structural_list_is_what_it_was_when_it_was_given() -> None:
+    """Three tables from one list that is filled anew for each: parameters are copied, and so are structural values."""
+
+    class Tables(Component):
+        tables: list[TimeTable] = part()
+
+        def build(self) -> None:
+            rows, self.tables = [[0.0, 0.0], [1.0, 0.0]], []
+            for k in range(3):
+                rows[1][1] = float(k)
+                self.tables.append(TimeTable(table=rows))  # type: ignore[arg-type]
+
+    result = acausal.simulate(Tables(), stop_time=1.0)
+    assert [result.final(f"tables[{k}].y") for k in range(3)] == pytest.approx([0.0, 1.0, 2.0])
+
+
+def test_a_default_list_is_not_shared() -> None:
+    class Row(Component):
+        numbers: list[float] = structural(default=[])
+        y: Real = variable()
+
+        def build(self) -> None:
+            self.numbers.append(1.0)
+
+        def equations(self) -> Equations:
+            yield self.y == sum(self.numbers)
+
+    assert [acausal.simulate(Row(), stop_time=1.0).final("y") for _ in range(2)] == [1.0, 1.0]

@@ -214,7 +214,7 @@ _PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (s
 
 
 def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
-    """A given structural value, with numpy scalars converted to Python numbers.
+    """A given structural value, with numpy scalars converted to Python numbers, and containers copied.
 
     Raises DeclarationError: AC115 when it is not of the plain type that the class declares.
     """
@@ -222,7 +222,7 @@ def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     declared = found if isinstance(found, str) else getattr(found, "__name__", "")
     wanted = _PLAIN.get(declared)
     if wanted is None:
-        return value
+        return own_copy(value)
     plain = value.item() if hasattr(value, "item") else value
     if isinstance(plain, wanted):
         return plain
@@ -231,6 +231,24 @@ def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
         f"{cls.__name__}: structural '{name}' is declared as {declared}, {value!r} is none",
         help=f"give {'an' if declared == 'int' else 'a'} {declared}: {cls.__name__}({name}=...)",
     )
+
+
+def own_copy(value: Any) -> Any:
+    """A copy of lists, dicts, sets and arrays, also within each other; anything else is returned as it is.
+
+    Equations are made later than components: three tables from one list that is filled anew for each would all be the
+    last one. Not `copy.deepcopy`, as functions, shapes and components have to stay the same objects.
+    """
+    if type(value) is list:
+        return [own_copy(member) for member in value]
+    if type(value) is tuple:
+        members = tuple(map(own_copy, value))
+        return value if all(a is b for a, b in zip(members, value, strict=True)) else members
+    if type(value) is dict:
+        return {key: own_copy(member) for key, member in value.items()}
+    if type(value) is set or (hasattr(value, "setflags") and hasattr(value, "copy")):
+        return value.copy()
+    return value
 
 
 def _annotated_class(cls: type[Owner], name: str) -> type[Owner] | None:
