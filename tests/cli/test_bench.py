@@ -112,7 +112,13 @@ def test_a_model_without_compiled_steps_says_why() -> None:
 
 def test_a_step_function_is_exported(folder: Path) -> None:
     assert run("export", "step", "Pendulum", "--step", "2ms", "--method", "rosenbrock").code == 0
-    assert "pendulum_step(" in (folder / "Pendulum_step.c").read_text()
+    whole = (folder / "Pendulum_step.c").read_text()
+    assert "pendulum_step(" in whole
+    assert "step.error [1]" in whole
+    assert run("export", "step", "Pendulum", "--step", "2ms", "--method", "rosenbrock", "--no-error").code == 0
+    bare = (folder / "Pendulum_step.c").read_text()
+    assert "step.error" not in bare
+    assert len(bare) < len(whole)
 
 
 def test_a_step_is_written_to_c_files_only(folder: Path) -> None:

@@ -32,6 +32,8 @@ _NEWTON_STEPS = 3
 _STAGE_STEPS = 4
 # The last step of a converged iteration, by the unknowns and their magnitudes: what is left is its square.
 _CONVERGED = 1e-5
+# The same where rates are asked for an estimate of errors.
+_NEAR = 3e-2
 
 # RODAS3; rows of the lower triangles.
 _GAMMA = 0.5
@@ -102,7 +104,7 @@ class Method:
             bend = ca.if_else(share >= 1, first, 0), ca.if_else(share >= 1, last, 0)
 
         def defect_at(s: Any, point: Any, slope: Any) -> Any:
-            w, failed = self._solved(t + s * h, point, z0 + s * (z1 - z0), held)
+            w, failed = self._solved(t + s * h, point, z0 + s * (z1 - z0), held, _NEAR)
             off = slope - h * self.rates(t + s * h, point, w, *held)[0]
             if not self.is_explicit:
                 reach = h * (_GAMMA if self.name == "rosenbrock" else _DIAGONAL)
@@ -155,12 +157,12 @@ class Method:
         """Algebraic variables at a point, by a fixed number of Newton steps from `z`."""
         return self._solved(t, x, z, held)[0]
 
-    def _solved(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any]:
-        """As `algebraic`, and 1 if the last Newton step was large."""
+    def _solved(self, t: Any, x: Any, z: Any, held: Sequence[Any], most: float = _CONVERGED) -> tuple[Any, Any]:
+        """As `algebraic`, and 1 if the last Newton step was larger than `most`."""
         before = z
         for _ in range(_NEWTON_STEPS if self._nz else 0):
             before, z = z, self._newton(t, x, z, *held)
-        return z, self._far(before, z, ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1])
+        return z, self._far(before, z, ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1], most)
 
     def rough(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
         """1 if these are not the algebraic variables at a point, 0 if a further Newton step hardly moves them."""
@@ -169,12 +171,12 @@ class Method:
         nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1]
         return self._far(z, self._newton(t, x, z, *held), nominal)
 
-    def _far(self, before: Any, after: Any, nominal: Any) -> Any:
+    def _far(self, before: Any, after: Any, nominal: Any, most: float = _CONVERGED) -> Any:
         """1 if two iterates differ by more than a converging Newton's method leaves at its last step."""
         if not after.numel():
             return ca.SX(0)
         apart = ca.fabs(after - before) / (ca.fabs(after) + nominal)
-        return ca.sum1(apart <= _CONVERGED) < apart.numel()  # also where one is nan, which a maximum ignores
+        return ca.sum1(apart <= most) < apart.numel()  # also where one is nan, which a maximum ignores
 
     @cached_property
     def _moving(self) -> Method:
