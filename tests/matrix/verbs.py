@@ -129,7 +129,7 @@ def accuracy(feature: Feature) -> None:
     asked = 1e-5
     result = run(feature, accuracy=asked, tolerance=None)
     right(feature, result, tolerance=max(3e-5, feature.tolerance))
-    said = result.stats["accuracy"]
+    said: Any = result.stats["accuracy"]
     tighter = run(feature, solver=said["solver"], tolerance=said["tolerance"] / 10, native=said["native"])
     found, less = mixed_error(feature, result), mixed_error(feature, tighter)
     assert said["error"] <= asked, f"{said['command']} is recommended with {said['error']:.1e} for {asked:g}"
