@@ -66,6 +66,7 @@ class DrillContactForce(PartialCuttingForce):
         unit="N/m",
         default=guess(0.0),
         nominal=1e6,
+        monotone_above=0.0,
         doc="Contact force per engaged width",
         hint="are the stiffness k of the contact and w_min greater than 0?",
     )
