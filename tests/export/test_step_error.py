@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 import acausal
 from acausal import (
@@ -23,6 +25,7 @@ from acausal import (
     pre,
     reset,
     sin,
+    tanh,
     time,
     variable,
     when,
@@ -131,6 +134,28 @@ def test_errors_of_stiff_parts_are_not_multiplied_by_their_stiffness(method: str
             x, y = (np.asarray(v).ravel() for v in step.function(x, [], p))
             total += y[-1]
         assert abs(x[0] - math.cos(1.0)) < total < most
+
+
+class Layer(Component):
+    """x leaves a layer of a thousandth, in which its rate falls from 8 to 5, within a tenth of a millisecond."""
+
+    x: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 8.0 - 3.0 * tanh(950.0 * self.x)
+
+
+@pytest.mark.parametrize("method", ["rosenbrock", "sdirk"])
+@pytest.mark.parametrize("h", [2.5e-3, 5e-3])
+def test_a_layer_that_is_left_before_the_first_look_is_told(method: str, h: float) -> None:
+    # t = int_0^x dx / (8 - 3 tanh(950 x))
+    def elapsed(x: float) -> float:
+        return float(quad(lambda s: 1.0 / (8.0 - 3.0 * math.tanh(950.0 * s)), 0.0, x, points=[1e-3], epsabs=1e-13)[0])
+
+    exact = float(brentq(lambda x: elapsed(x) - h, 4.0 * h, 8.0 * h, xtol=1e-13))
+    x, total, flagged = run(acausal.step_function(acausal.compile(Layer()), h, method, []), 1)
+    assert not flagged
+    assert 1e-4 < abs(x[0] - exact) < total < 5e-2
 
 
 class Pressed(Component):

@@ -89,7 +89,8 @@ class Method:
 
         Defects of stiff components decay within the step: those of an implicit method are damped by one implicit Euler
         step of the variational equation, with the Jacobian at the same point. Beside an event, its states are those of
-        a chord (`HybridStep`), and so is the curve.
+        a chord (`HybridStep`), and so is the curve. What is left out of its bend at the start, the rates of transients,
+        counts at the start: one that is over before the first point inside is seen nowhere else.
         """
         nx = self._nx
         if self.constant:
@@ -98,21 +99,27 @@ class Method:
         if not nx:
             return ca.SX(0)
         z0 = self.algebraic(t, x, z, held)
+        nominal = ca.vertsplit(ca.DM(self.nominal), [0, nx, nx + self._nz])[0]
         bend = bends(h, x, self.rates(t, x, z0, *held)[0], x1, self.rates(t + h, x1, z1, *held)[0])
+        left_out: Any = ca.SX(0)
+
+        def damped(t: Any, point: Any, w: Any, off: Any) -> Any:
+            reach = h * (_GAMMA if self.name == "rosenbrock" else _DIAGONAL)
+            matrix = ca.SX.eye(nx) - reach * self._total(t, point, w, *held)[0]
+            return ca.solve(ca.sparsify(matrix), ca.densify(off))
+
         if not self.is_explicit:
             first, last = even(*bend)
+            left_out = share * largest(nx)(damped(t, x, z0, bend[0] - first) / nominal)
             bend = ca.if_else(share >= 1, first, 0), ca.if_else(share >= 1, last, 0)
 
         def defect_at(s: Any, point: Any, slope: Any) -> Any:
             w, failed = self._solved(t + s * h, point, z0 + s * (z1 - z0), held, _NEAR)
             off = slope - h * self.rates(t + s * h, point, w, *held)[0]
-            if not self.is_explicit:
-                reach = h * (_GAMMA if self.name == "rosenbrock" else _DIAGONAL)
-                growth = self._total(t + s * h, point, w, *held)[0]
-                off = ca.solve(ca.sparsify(ca.SX.eye(nx) - reach * growth), ca.densify(off))
+            off = off if self.is_explicit else damped(t + s * h, point, w, off)
             return off + unsolved(failed)
 
-        return defect(x, x1, bend, defect_at, ca.vertsplit(ca.DM(self.nominal), [0, nx, nx + self._nz])[0], share)
+        return ca.fmax(left_out, defect(x, x1, bend, defect_at, nominal, share))
 
     def displaced(self, t: Any, h: Any, x: Any, z: Any, onto: Any, held: Sequence[Any]) -> Any:
         """Error of a step that ends at `x`, from states that have to be at `onto` during it, in all other states.
