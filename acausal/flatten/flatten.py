@@ -16,6 +16,7 @@ from acausal.flatten.connections.connections import (
     joints,
     refuse_open,
 )
+from acausal.flatten.connections.idle import idle_components
 from acausal.flatten.connections.orientation import spanning_tree
 from acausal.flatten.connections.signals import (
     ElementJoint,
@@ -133,7 +134,7 @@ def flatten(
         experiment=type(model).experiment,
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
         loops=tree.loops,
-        notes=(*added, *_cuts(found, cuts)),
+        notes=(*added, *_cuts(found, cuts), *idle_components(pool, found, junctions, equations)),
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated(i.component for i in found)

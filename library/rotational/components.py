@@ -117,8 +117,11 @@ class IdealGear(PartialTwoFlanges):
 class IdealGearWithSupport(PartialTwoFlanges):
     """Gear without losses and inertia whose housing is the flange `support`.
 
-    Its own class, not an option of IdealGear: an unconnected support would be free of torque, not held.
+    Its own class, not an option of IdealGear: an unconnected support would be free of torque, not held, and the gear
+    would transmit none. So it has to be connected.
     """
+
+    _to_be_connected = ("support",)
 
     support: Flange = Flange()
     ratio: Real = parameter(unit="1", doc="Transmission ratio, measured against the housing")
