@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,23 @@ class Schedule:
     def segments(self) -> int:
         """Number of segments."""
         return len(self.instants) - 1
+
+    @cached_property
+    def longest(self) -> int:
+        """The most output times of any segment."""
+        return int(np.max(np.diff(self.ends, prepend=0)))
+
+    @cached_property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Its arrays as compiled code reads them, by its names for them."""
+        numbers = {
+            "boundary": self.instants,
+            "timely_modes": self.modes,
+            "due": self.samples,
+            "times": self.times,
+        }
+        found: dict[str, NDArray[Any]] = {k: np.ascontiguousarray(v, dtype=np.float64) for k, v in numbers.items()}
+        return found | {"times_end": self.ends}
 
     def outputs(self, segment: int) -> Vector:
         """Output times of one segment; the last one is its end."""

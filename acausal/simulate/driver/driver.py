@@ -81,6 +81,19 @@ class Dynamics(Protocol):
         ...
 
 
+def pass_compiled(dynamics: Dynamics, loop: EventLoop, place: Place, *most: int | None) -> Place | None:
+    """Where compiled code takes the dynamics from a place, over `most` segments and events; None if nowhere."""
+    library, moment = dynamics.library(), dynamics.reached
+    if library is None:
+        return None
+    reached = loop.go(library, LoopState(place, moment.x, moment.m, dynamics.pace), *most)
+    if reached is None:
+        return None
+    dynamics.moved(reached.x, moment.z, reached.m)
+    dynamics.pace = reached.pace
+    return reached.place
+
+
 @dataclass
 class Driver:
     """A run on its way."""
@@ -142,18 +155,13 @@ class Driver:
         # the first instant is that of the start, about which compiled code knows nothing
         if loop is None or loop.has_stalled or (place.segment == 0 and not place.entered):
             return None
-        library, moment = self.dynamics.library(), self.dynamics.reached
-        if library is None:
-            return None
         most = None if self.report is None else max(1, self.agenda.schedule.segments // _REPORTS)
-        reached = loop.go(library, LoopState(place, moment.x, moment.m, self.dynamics.pace), most)
+        reached = pass_compiled(self.dynamics, loop, place, most)
         if reached is None:
             return None
-        self.dynamics.moved(reached.x, moment.z, reached.m)
-        self.dynamics.pace = reached.pace
-        if reached.place.entered:
-            self.entered = self.agenda.stretch(reached.place, self.dynamics.reached, True)
-        return reached.place
+        if reached.entered:
+            self.entered = self.agenda.stretch(reached, self.dynamics.reached, True)
+        return reached
 
     def _step(self, place: Place) -> Place:
         """The event at the start of a stretch, or on to the next stop."""

@@ -25,7 +25,7 @@ from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStruct
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import counted, growth
+from acausal.simulate.solvers.base import growth
 from acausal.simulate.solvers.segment import Piece, Segment
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
@@ -108,8 +108,7 @@ class EventLoop:
         self._states = compiled.states
         self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
         self._structure: EventLoopStructure | None = None
-        longest = int(np.max(np.diff(schedule.ends, prepend=0)))
-        rows, self._acts = longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
+        rows, self._acts = schedule.longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
         self.x, self.m = np.empty(len(compiled.states)), np.empty(compiled.n_modes)
         self.row_time, self.row_x = np.empty(rows), np.empty((rows, len(compiled.states)))
         self.row_m = np.empty((rows, compiled.n_modes))
@@ -134,23 +133,35 @@ class EventLoop:
 
     def over(self, schedule: Schedule) -> EventLoop | None:
         """The same for another schedule of its run; None where its memory is too short for that."""
-        if int(np.max(np.diff(schedule.ends, prepend=0))) + _MOST_EVENTS > len(self.row_time):
+        if schedule is self.schedule:
+            return self
+        if schedule.longest + _MOST_EVENTS > len(self.row_time):
             return None
         self.schedule, self._empty = schedule, 0
         if self._structure is not None:
             self._structure.timely = schedule.modes.shape[1]
-            self._structure.put(_of(schedule))
+            self._structure.put(schedule.arrays)
         return self
 
-    def go(self, library: Library[EventLoopProgram], start: LoopState, segments: int | None = None) -> LoopState | None:
-        """Where the loop comes to, over so many segments at most; None when it gets nowhere."""
+    def go(
+        self,
+        library: Library[EventLoopProgram],
+        start: LoopState,
+        segments: int | None = None,
+        events: int | None = None,
+    ) -> LoopState | None:
+        """Where the loop comes to, over so many segments and events at most; None when it gets nowhere.
+
+        With one event it enters a stretch, and stays there.
+        """
         place, x, m = start.place, start.x, start.m
         loop = self._prepared(library)
         last = self.schedule.segments if segments is None else min(place.segment + segments, self.schedule.segments)
         loop.boundaries = last + 1
         bounces = self.bounces
-        before = None if bounces is None else (bounces.count, bounces.last.copy(), bounces.crowd.copy())
-        self._run(library, loop, start, _MOST_EVENTS)
+        again = bounces is not None and self.clears is not None
+        before = (bounces.count, bounces.last.copy(), bounces.crowd.copy()) if again and bounces is not None else None
+        self._run(library, loop, start, events or _MOST_EVENTS)
         passed = self._cleared(loop, start)
         if passed is not None:  # once more, up to where something may have been passed over
             if before is not None and bounces is not None:
@@ -248,7 +259,7 @@ class EventLoop:
             "constant": real(constants),
             "u": real(problem.u),
             "p": real(problem.p),
-            **_of(schedule),
+            **schedule.arrays,
             **{name: getattr(self, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
             **{name: getattr(self, name) for name in ("event_row", "acts_end", "act", "fired")},
             **{
@@ -269,15 +280,17 @@ class EventLoop:
     def _record(self, loop: EventLoopStructure, start: float, x_start: Vector, m_start: Vector) -> None:
         """Record what the loop has passed."""
         n = loop.rows
-        times, x, m = self.row_time[:n].copy(), self.row_x[:n].T.copy(), self.row_m[:n].T.copy()
+        # columns are instants, as solvers deliver them
+        times, x, m = self.row_time[:n].copy(), self.row_x[:n].copy().T, self.row_m[:n].copy().T
         starts = self.event_row[: loop.events]
         self._fill(times, x, m, starts, start, x_start)
-        before = np.hstack([x_start[:, None], x[:, :-1]])
-        moved = (x[:, starts] != before[:, starts]).T
+        before = x.T[starts - 1]
+        before[starts == 0] = x_start
+        moved = x.T[starts] != before
         if self.trace is not None:
             modes = np.hstack([m_start[:, None], m])
             for k, row in enumerate(starts.tolist()):
-                left, right = (before[:, row], modes[:, row]), (x[:, row], modes[:, row + 1])
+                left, right = (before[k], modes[:, row]), (x[:, row], modes[:, row + 1])
                 self.trace(LoopEvent(float(self.event_time[k]), self._reached(k), left, right, self._jumps(k)))
         ends = [0, *self.acts_end[: loop.events].tolist()]
         acts = self.act[: ends[-1]].tolist()
@@ -288,8 +301,13 @@ class EventLoop:
                 causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), list(happened[1]))
                 self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
             boundaries.append((t, *self._known[happened]))
-        stats = {"n_steps": loop.steps, "n_rhs": loop.rhs, "n_jac": loop.jacobians, "n_reject": loop.rejected}
-        self.recorder.extend(times, x, m, boundaries, counted(stats))
+        counters = {
+            "steps": float(loop.steps),
+            "rhs_evaluations": float(loop.rhs),
+            "jacobians": float(loop.jacobians),
+            "rejected": float(loop.rejected),
+        }
+        self.recorder.extend(times, x, m, boundaries, counters)
 
     def _reached(self, event: int) -> int | None:
         """The relation that was reached; None at a known instant."""
@@ -325,15 +343,3 @@ class EventLoop:
         reached = x_start[own, None] + np.cumsum(total, axis=1)
         x[own] = reached[:, owner] + grown
         self.x[own] = reached[:, -1]
-
-
-def _of(schedule: Schedule) -> dict[str, NDArray[Any]]:
-    """The arrays of a schedule, by the names that the program has for them."""
-    numbers = {
-        "boundary": schedule.instants,
-        "timely_modes": schedule.modes,
-        "due": schedule.samples,
-        "times": schedule.times,
-    }
-    found: dict[str, NDArray[Any]] = {k: np.ascontiguousarray(v, dtype=np.float64) for k, v in numbers.items()}
-    return found | {"times_end": schedule.ends}

@@ -97,6 +97,8 @@ class Hybrid:
     _small: dict[int, list[float]] = field(default_factory=dict)
     _uncleared: dict[bytes, int] = field(default_factory=dict)
     _loop: EventLoop | None = None
+    _program: tuple[Regime, Library[EventLoopProgram]] | None = None
+    """The compiled code of a regime, which stays as it is once it is there."""
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -143,10 +145,10 @@ class Hybrid:
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
         """How compiled code passes stretches and ordinary events of this run, if it can."""
-        if not self.single_step or not suits_event_loop(self.problem, self.solver):
-            return None
         if self._loop is not None and self._loop.over(schedule) is not None:
             return self._loop
+        if not self.single_step or not suits_event_loop(self.problem, self.solver):
+            return None
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
         clears = None if self.missed_events is None else self._clears
         self._loop = EventLoop(*parts, self._trace if self.traced else None, clears)
@@ -168,7 +170,12 @@ class Hybrid:
         regime = self.reached.regime
         if regime.holds or self._must_search(self.reached.m):
             return None
-        return compiled_program(regime, self.template, self.solver.name)
+        if self._program is None or self._program[0] is not regime:
+            found = compiled_program(regime, self.template, self.solver.name)
+            if found is None:  # as soon as it pays
+                return None
+            self._program = regime, found
+        return self._program[1]
 
     def failed(self, times: Vector) -> Segment:
         """The segment that could not be integrated: from the last point that was reached, with the outputs left."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.lower.subsystems.split import Subsystem
 from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch
-from acausal.simulate.driver.driver import Driver
+from acausal.simulate.driver.driver import Driver, pass_compiled
 from acausal.simulate.driver.event_loop import EventLoop
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.smooth import Smooth
@@ -47,6 +48,14 @@ _SHARES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _POINTS + 1) / _POINTS)
 _PARTS = 20
 
 
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A stretch of the whole as some of its systems have it, and as a schedule."""
+
+    stretch: Stretch
+    schedule: Schedule
+
+
 @dataclass
 class Member:
     """One of the independent systems during a run."""
@@ -69,34 +78,67 @@ class Member:
         """The start of the run, from states and modes of the whole."""
         self.dynamics.begin(t, Start(start.x[self.part.states], _NO_Z, ()), m[self.part.modes], flag)
 
-    def enter(self, stretch: Stretch) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
+    def enter(self, task: Task) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
         """The event at the start of a stretch of the whole; returns its causes and the changed variables."""
         self._first = self.recorder.count
-        self.dynamics.enter(self._own(stretch))
+        if self._first:  # of the start of the run compiled code knows nothing
+            place = self._passed(task, Place(0, task.stretch.start, False, False), 1)
+            if place is not None:
+                self._boundary = len(self.recorder.boundaries)
+                return self.recorder.boundaries[-1][1:]
+        self.dynamics.enter(task.stretch)
         self._boundary = len(self.recorder.boundaries)
         if isinstance(self.dynamics, Smooth):
             return (), ()
         happened = self.dynamics.passages[-1].happened
         return happened.causes, happened.changed
 
-    def advance(self, stretch: Stretch, interrupted: Callable[[], None]) -> None:
+    def advance(self, task: Task, interrupted: Callable[[], None]) -> None:
         """Integrate from the last row to the end of the stretch that was entered, or of a part of it."""
         if self.recorder.count > self._first + 1:
             self._first, self._boundary = self.recorder.count - 1, len(self.recorder.boundaries)
-        own = replace(self._own(stretch), opens=True)
-        samples = np.stack([own.samples, np.zeros_like(own.samples)])
-        ends = np.array([len(own.times)])
-        known = Schedule(np.array([own.start, own.end]), own.modes[None], samples, own.times, ends, (own.longest,))
-        agenda = Agenda(known, (), self.span)
+        own = task.stretch
+        begins = Place(0, own.start, True, True)
+        place = self._passed(task, begins) or begins
+        if place.segment:
+            return
+        own, agenda = replace(own, opens=True), Agenda(task.schedule, (), self.span)
         driver = Driver(agenda, self.dynamics, self.recorder, self.solver.name, None, interrupted, entered=own)
-        driver.through(Place(0, own.start, True, True))
+        driver.through(place)
 
-    def _own(self, stretch: Stretch) -> Stretch:
+    def _passed(self, task: Task, place: Place, events: int | None = None) -> Place | None:
+        """Where compiled code comes to from a place, with so many events at most; None if nowhere."""
+        loop = self.dynamics.event_loop(task.schedule)
+        if loop is None or loop.has_stalled:
+            return None
+        return pass_compiled(self.dynamics, loop, place, None, events)
+
+    @cached_property
+    def kind(self) -> tuple[bytes, ...]:
+        """What a stretch is for it depends on this: which modes of time and samples are its own."""
+        return self._timely.tobytes(), self._samples.tobytes()
+
+    @property
+    def _timely(self) -> NDArray[np.int64]:
+        return self.part.modes[: self.part.model.n_timely]
+
+    @property
+    def _samples(self) -> NDArray[np.int64]:
+        model = self.part.model
+        return self.part.modes[model.n_timely : model.n_timely + len(model.state_events.samples)]
+
+    def task(self, stretch: Stretch) -> Task:
         """The stretch with its own modes of time and its own samples."""
-        timely, model = len(stretch.modes), self.part.model
-        places = self.part.modes
-        samples = places[model.n_timely : model.n_timely + len(model.state_events.samples)] - timely
-        return replace(stretch, modes=stretch.modes[places[: model.n_timely]], samples=stretch.samples[samples])
+        samples = stretch.samples[self._samples - len(stretch.modes)]
+        own = replace(stretch, modes=stretch.modes[self._timely], samples=samples)
+        both, ends = np.stack([samples, np.zeros_like(samples)]), np.array([len(own.times)])
+        instants = np.array([own.start, own.end])
+        return Task(own, Schedule(instants, own.modes[None], both, own.times, ends, (own.longest,)))
+
+    @property
+    def entered_modes(self) -> Vector:
+        """Its modes where the stretch was entered."""
+        return self.recorder.point(self._first)[3]
 
     def rows(self) -> Rows:
         """What it recorded in the last part of a stretch, from the row at its start on."""
@@ -216,7 +258,8 @@ class IndependentSystems:
         happened: list[tuple[tuple[Cause, ...], tuple[str, ...]]] = []
         if self.one is None:
             try:
-                happened = [member.enter(stretch) for member in self.members]
+                tasks = self._tasks(stretch)
+                happened = [member.enter(tasks[member.kind]) for member in self.members]
             except (AcausalError, RuntimeError) as error:
                 self._join(stretch.start, error)
         if self.one is not None:
@@ -231,7 +274,7 @@ class IndependentSystems:
         changed = tuple(c for _, own in happened for c in own)
         m = self._m.copy()
         for member in self.members:
-            m[member.part.modes] = member.rows().m[:, 0]
+            m[member.part.modes] = member.entered_modes
         self.recorder.begin(stretch.start, self._x, _NO_Z, m, causes, changed)
 
     def advance(self, stretch: Stretch, place: Place) -> float | None:
@@ -249,11 +292,20 @@ class IndependentSystems:
                 self.report(place.here)
         return None
 
+    def _tasks(self, stretch: Stretch) -> dict[tuple[bytes, ...], Task]:
+        """The stretch by kinds of systems: equal ones share what is made of it."""
+        found: dict[tuple[bytes, ...], Task] = {}
+        for member in self.members:
+            if member.kind not in found:
+                found[member.kind] = member.task(stretch)
+        return found
+
     def _passed(self, part: Stretch) -> None:
         """A part of a stretch, system by system; if one fails, the model goes on as a whole."""
         try:
+            tasks = self._tasks(part)
             for member in self.members:
-                member.advance(part, self.interrupted)
+                member.advance(tasks[member.kind], self.interrupted)
                 if member.dynamics.terminated is not None:
                     self._join(part.start, member.dynamics.terminated)
                     return

@@ -8,6 +8,7 @@ import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -59,6 +60,17 @@ _UNSEARCHED = (
     "stretches from t = {:.6g} s on have too many steps to be searched for what steep functions (exp, tanh, atan, high "
     "powers) do between them: what comes and goes within one step may be passed; compare with a run with a max_step"
 )
+
+
+_doubts: WeakKeyDictionary[CompiledModel, tuple[bytes, tuple[str, ...]]] = WeakKeyDictionary()
+
+
+def doubts_about(compiled: CompiledModel, p: Vector) -> tuple[str, ...]:
+    """What is doubtful about these parameters; known of those of the last run, as hundreds of contacts are asked."""
+    known = _doubts.get(compiled)
+    if known is None or known[0] != p.tobytes():
+        known = _doubts[compiled] = p.tobytes(), doubtful_values(compiled.flat, p.tolist())
+    return known[1]
 
 
 @dataclass
@@ -159,7 +171,7 @@ class Run:
         refuse_jumps(self.compiled, instants.tolist(), self.modes, self.p)
         memory = self.remembering() if self.compiled.delays else None
         start = self.begun(m) if memory is None else opened(memory, self.problem, opts.start_time, self.begun, m)
-        doubts = doubtful_values(self.compiled.flat, self.p.tolist())
+        doubts = doubts_about(self.compiled, self.p)
         start = replace(start, notes=(*start.notes, *doubts, *notes))
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)

@@ -19,13 +19,21 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.simulate.native.sizes import with_sizes
 from acausal.simulate.native.sparse_lu import with_lu
 
 ENTRY = "segment"
 """Name of an integrator's C function."""
 
+# Nothing but what is exported can be replaced from outside: otherwise a compiler must not inline what it calls.
 _RUN = """
+#include <stdlib.h>
+#include <string.h>
 #include <time.h>
+#if defined(__GNUC__) && !defined(_WIN32)
+#define GCC_HASCLASSVISIBILITY
+#pragma GCC visibility push(hidden)
+#endif
 struct acausal_run {
   const double *grid; long long n;
   double reltol, abstol, step, first, past; /* `first` step and `past` error: what its control hands on */
@@ -160,7 +168,7 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
     if plugin == "rosenbrock":
         source = with_lu(source)
     before, marker, after = source.partition(f"/* {ENTRY}:")
-    return _with_run(f"{before}{rows(plugin)}{marker}{after}") if marker else None
+    return _with_run(with_sizes(f"{before}{rows(plugin)}{marker}{after}")) if marker else None
 
 
 def rows(plugin: str) -> str:

@@ -136,7 +136,8 @@ def _written_out(plan: Elimination) -> str:
         at += len(columns)
     for k in reversed(range(n)):
         at = lower + sum(map(len, plan.right[:k]))
-        terms = "".join(f" - lu[{at + j}]*x{c}" for j, c in enumerate(plan.right[k]))
+        # what was found last comes last: nothing else waits for it
+        terms = "".join(f" - lu[{at + j}]*x{c}" for j, c in reversed([*enumerate(plan.right[k])]))
         lines.append(f"  x{k} = (x{k}{terms}) * lu[{lower + upper + k}];\n")
     lines += [f"  v[{row}] = x{k};\n" for k, row in enumerate(plan.order)]
     head = "static void acausal_lu_solve(const casadi_real* lu, casadi_real* v, casadi_real* x) {\n  (void) x;\n"

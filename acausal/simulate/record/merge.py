@@ -64,6 +64,11 @@ def merged(all_: Sequence[Rows], outputs: Vector, fill: Callable[[int, Rows, Vec
     `fill(k, rows, times)` gives states and modes of a system at events of others.
     """
     events = sorted({t for rows in all_ for t in rows.shown})
+    if not events:
+        alone = [_alone(rows, outputs) for rows in all_]
+        if all(columns is not None for columns in alone):
+            sources = [(o.x, o.m, columns) for o, columns in zip(all_, alone, strict=True) if columns is not None]
+            return Merged(outputs, (), tuple(sources))
     instants = np.union1d(outputs, events) if events else outputs
     own = [_Own(rows, instants) for rows in all_]
     left = np.max([o.left for o in own], axis=0)
@@ -83,6 +88,12 @@ def merged(all_: Sequence[Rows], outputs: Vector, fill: Callable[[int, Rows, Vec
         here = [b[j] for rows in all_ if len(b := rows.shown.get(t, [])) > j]
         told.append((row, tuple(c for b in here for c in b[1] if c.text), tuple(w for b in here for w in b[2])))
     return Merged(instants[which], tuple(told), tuple(sources))
+
+
+def _alone(rows: Rows, outputs: Vector) -> Indices | None:
+    """Columns of a system at outputs between which nothing is shown: their last; None where it has not all of them."""
+    last = np.searchsorted(rows.times, outputs, side="right") - 1
+    return last if last[0] > 0 and np.array_equal(rows.times[last], outputs) else None
 
 
 class _Own:

@@ -355,6 +355,8 @@ def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vect
 
 def joined(parts: list[Vector]) -> Vector:
     """All columns of some parts, one after the other in memory, as solvers deliver them."""
+    if len(parts) == 1:
+        return parts[0]
     return np.concatenate([part.T for part in parts]).T
 
 

@@ -8,7 +8,7 @@ equations are flattened, and recalled as those of any model are (`acausal.lower.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -22,6 +22,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
 from acausal.recent import Recent
 from acausal.result.result import Result
+from acausal.result.signals import Signal
 
 _MOST, _MOST_NODES = 32, 1_000_000
 
@@ -81,6 +82,8 @@ class Watch:
     """Signals by path of a component and name within it, with their entries in row-major order."""
 
     names: Mapping[str, Mapping[str, tuple[tuple[int, ...], tuple[str, ...]]]]
+    _moving: dict[str, Signal] = field(default_factory=dict)
+    """Where signals are that are not constant: the same in all results of a compiled model."""
 
     @classmethod
     def of(cls, compiled: CompiledModel, names: Names) -> Watch:
@@ -102,7 +105,10 @@ class Watch:
     def read(self, result: Result) -> dict[str, dict[str, Array]]:
         """Values by path and name, shape (n, *shape)."""
         entries = [e for own in self.names.values() for _, elements in own.values() for e in elements]
-        signals = [result.signals[e] for e in entries]
+        known = self._moving
+        signals = [known.get(e) or result.signals[e] for e in entries]
+        if len(known) < len(entries):
+            known |= {e: s for e, s in zip(entries, signals, strict=True) if s.column is not None}
         columns = list(dict.fromkeys(s.column for s in signals if s.column is not None))
         values = result.matrix[:, columns] if result.some is None else result.some(columns)
         place = {column: k for k, column in enumerate(columns)}

@@ -60,6 +60,8 @@ class Outlines:
             else:
                 corners[k] = list(product(*zip(low, high, strict=True)))
         low, high = sides[:, 0], sides[:, 1]
+        if not corners.any():  # of balls there is only the middle
+            corners = corners[:, :1]
         return cls(
             corners=place[:, None, :] + np.einsum("bkj,bij->bki", corners, turned),
             axis=turned[:, :, 2],

@@ -214,12 +214,17 @@ class ContactScene(Component):
         if is_whole and (len(self._pairs) == len(pairs) or "_whole" in self.__dict__):
             made: ContactScene = self.__dict__.get("_whole", self)
             return made
+        known = self.__dict__.get("_last_view")
+        if known is not None and known[0] == (tuple(pairs), steady):
+            return known[1]  # type: ignore[no-any-return]
         places, own = self.candidates if steady else pairs, set(pairs)
         contacts = [self._contact(*pair) if pair in own else Apart() for pair in places]
         view = self._view({"_pairs": tuple(pairs), "_is_made": True})
         view._adopt("contacts", contacts)
         if is_whole:
             self.__dict__["_whole"] = view  # made for this scene once, as it would have been in `build`
+        else:
+            self.__dict__["_last_view"] = (tuple(pairs), steady), view
         return view
 
     def kind(self, pair: Pair) -> type[Component]:
