@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import acausal
+from acausal import Component, Equations, Real, der, fixed, part, variable
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.instances.instances import instances
 from acausal.library.contact import ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
 from acausal.lower.compile import DeferredModel
 from acausal.models.contact_scenes import HolesSideBySide
+from acausal.simulate.restructure import structures
 from tests.contact.test_scene import ThrownBall
 
 
@@ -60,6 +62,35 @@ def test_the_second_run_and_a_compiled_one_are_as_the_first() -> None:
     for m in (model, compiled):
         moved = acausal.simulate(m, stop_time=0.15, solver="rosenbrock", parameters={"v": 0.5})
         assert moved.final("ball.r_0[0]") < runs[0].final("ball.r_0[0]") - 0.05
+
+
+RATE = {"x": 1.0}
+
+
+class Fed(Component):
+    """A throw beside an integral whose rate is written down outside of the model."""
+
+    throw: ThrownBall = part()
+    x: Real = variable(default=fixed(0.0))
+
+    def build(self) -> None:
+        self.throw = ThrownBall(n=1, keep=0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == RATE["x"]
+
+
+def test_equal_models_share_what_was_made_and_others_do_not() -> None:
+    """What a class reads outside of its instances counts: the integral of another rate is another one."""
+    models = [Fed() for _ in range(2)]
+    runs = [acausal.simulate(model, stop_time=0.01, solver="rosenbrock") for model in models]
+    np.testing.assert_array_equal(runs[1]["throw.ball.r_0"], runs[0]["throw.ball.r_0"])
+    made = [{id(own) for m, own in structures._structures.entries.values() if m is model} for model in models]
+    assert made[0] == made[1] != set()
+    RATE["x"] = 2.0
+    other = acausal.simulate(Fed(), stop_time=0.01, solver="rosenbrock")
+    assert runs[0].final("x") == pytest.approx(0.01)
+    assert other.final("x") == pytest.approx(0.02)
 
 
 def test_pairs_that_nobody_asks_for_are_not_compiled() -> None:

@@ -1,8 +1,9 @@
 """Sizes of a generated integrator as numbers, where CasADi reads them from a structure.
 
-Vectors of a ball have 13 entries and a step has eight stages. A loop whose length is known is unrolled, and in one whose
-arrays do not overlap several entries are computed at once: both together take a sixth of the time of a run of balls.
-The numbers that come out are the same.
+Vectors of a ball have 13 entries and a step has eight stages. A loop whose length is known is unrolled, and in one
+whose arrays do not overlap several entries are computed at once. Together with functions that can be inlined, because
+nobody can replace them from outside (`source.py`), that saved a fifth of the compiled loop of a run of balls. The
+numbers that come out are the same.
 """
 
 from __future__ import annotations

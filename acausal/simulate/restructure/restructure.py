@@ -229,9 +229,9 @@ class Pieces:
 
     def compile(self) -> None:
         """The equations for the structure as it is now."""
-        self.compiled, is_new = structure(self.recipe, self.present(), self.choices)
+        self.compiled, timings = structure(self.recipe, self.present(), self.choices)
         self.compilations += 1
-        for name, seconds in self.compiled.timings.items() if is_new else ():
+        for name, seconds in timings.items():
             self.timings[name] = self.timings.get(name, 0.0) + seconds
 
     def watch(self) -> Watch:

@@ -2,19 +2,21 @@
 
 A model is a recipe that does not change, and a choice says which structure it has (`Choice.structure`), so the two and
 the values of parameters decide the equations. Of another model with equal components nothing is known here: its
-equations are flattened, and recalled as those of any model are (`acausal.lower.cache.cache`).
+equations are flattened, and recalled as those of any model are (`acausal.lower.cache.cache`). Where they turn out to
+be the same to the last value and place, the compiled model of the first serves both, with all that was made for its
+runs. Without flattening nobody would know: classes may read what is outside of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.flatten.flat import suffixes
+from acausal.flatten.flat import FlatSystem, suffixes
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -37,15 +39,15 @@ _structures: Recent[tuple[Component, CompiledModel]] = Recent(_MOST, _nodes, _MO
 
 def structure(
     recipe: Recipe, parameters: Mapping[str, object], choices: Mapping[str, Choice]
-) -> tuple[CompiledModel, bool]:
-    """The compiled model for these choices, and whether it had to be compiled.
+) -> tuple[CompiledModel, Mapping[str, float]]:
+    """The compiled model for these choices, and how long each stage took, if it had to be compiled [s].
 
     `parameters` are those that are in it, by their names there.
     """
     key = _key(recipe, parameters, choices)
     known = None if key is None else _structures.get(key)
     if known is not None:
-        return known[1], False
+        return known[1], {}
     compiled = compile(
         recipe.model,
         parameters=parameters,
@@ -55,12 +57,44 @@ def structure(
         cache=recipe.cache,
         choices=choices,
     )
+    timings = dict(compiled.timings)
     if key is not None:
+        compiled = _equal(key, compiled) or compiled
         _structures.put(key, (recipe.model, compiled))
-    return compiled, True
+    return compiled, timings
 
 
-def _key(recipe: Recipe, parameters: Mapping[str, object], choices: Mapping[str, Choice]) -> Hashable | None:
+def _equal(key: tuple[Hashable, ...], compiled: CompiledModel) -> CompiledModel | None:
+    """What is known under another model, and is the same as this."""
+    known = (own for other, (_, own) in tuple(_structures.entries.items()) if other[1:] == key[1:])  # type: ignore[index]
+    return next((own for own in known if is_same(own.flat, compiled.flat)), None)
+
+
+def is_same(one: FlatSystem, other: FlatSystem) -> bool:
+    """Whether two systems have the same equations, values and places.
+
+    The pool of a system that was recalled is that of the first: then only values and places can differ.
+    """
+    return one.pool is other.pool and all(_told(a) == _told(b) for a, b in zip(_rest(one), _rest(other), strict=True))
+
+
+def _rest(flat: FlatSystem) -> Iterator[object]:
+    """What a recalled system does not share with the first."""
+    return (getattr(flat, f.name) for f in fields(flat) if f.name != "pool")
+
+
+def _told(value: object) -> object:
+    """What a field of a flat system says; the written form of a statement follows from its place."""
+    if isinstance(value, Mapping):
+        return [(k, _told(v)) for k, v in value.items()]
+    if isinstance(value, tuple) and hasattr(value, "_asdict"):
+        return [_told(v) for name, v in value._asdict().items() if name != "source"]
+    return [_told(v) for v in value] if isinstance(value, tuple | list) else value
+
+
+def _key(
+    recipe: Recipe, parameters: Mapping[str, object], choices: Mapping[str, Choice]
+) -> tuple[Hashable, ...] | None:
     """The key of a structure: all that determines its equations; None where that is uncertain."""
     if not recipe.cache or not all(type(v) in (int, float, str) for v in parameters.values()):
         return None
