@@ -54,6 +54,10 @@ INLINED double chosen(double condition, double value) {
   return one.number;
 }
 
+/* As fmin and fmax, of which a compiler makes a call each: what is no number loses. */
+INLINED double least_of(double x, double y) { double found = x < y ? x : y; return y == y ? found : x; }
+INLINED double largest_of(double x, double y) { double found = x > y ? x : y; return y == y ? found : x; }
+
 /* In blocks, the last of which has entries that are nobody's: no loop is left over for a few of them. */
 #define BLOCK 8
 #define EACH(value) for (first = 0; first < n; first += BLOCK) for (k = first; k < first + BLOCK; ++k) to[k] = value; break
@@ -69,7 +73,7 @@ VECTORISED int acausal_columns(const struct program* p, const double** arg, doub
     int n = p->size[c], first, k;
     double* restrict to = p->values + p->to[c];
     const double* x = operand(p, p->a[c], n, p->left);
-    const double* y = operand(p, p->b[c], n, p->right);
+    const double* y = p->b[c] == p->a[c] ? x : operand(p, p->b[c], n, p->right);
     switch (p->op[c]) {
       case ADD: EACH(x[k] + y[k]);
       case SUB: EACH(x[k] - y[k]);
@@ -102,8 +106,8 @@ VECTORISED int acausal_columns(const struct program* p, const double** arg, doub
       case SIGN: EACH(x[k] < 0.0 ? -1.0 : x[k] > 0.0 ? 1.0 : x[k]);
       case COPYSIGN: ONE_BY_ONE(copysign(x[k], y[k]));
       case IF: EACH(chosen(x[k], y[k]));
-      case FMIN: ONE_BY_ONE(fmin(x[k], y[k]));
-      case FMAX: ONE_BY_ONE(fmax(x[k], y[k]));
+      case FMIN: EACH(least_of(x[k], y[k]));
+      case FMAX: EACH(largest_of(x[k], y[k]));
       case INV: EACH(1.0 / x[k]);
       case SINH: ONE_BY_ONE(sinh(x[k]));
       case COSH: ONE_BY_ONE(cosh(x[k]));

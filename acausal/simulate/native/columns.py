@@ -146,12 +146,21 @@ def _laid_out(read: Instructions) -> Program:
     columns: list[tuple[int, int, int, int, int]] = []
     lists: list[Any] = []
     listed = 0
+    numbers = {int(place[n]): value for n, value in read.constants}
+    repeated: dict[tuple[float, bool, int], int] = {}  # where a constant is so many times
 
     def operand(at: Any) -> int:
         """Where they begin; before zero where their places are listed."""
-        nonlocal listed
+        nonlocal listed, end
         if at[-1] - at[0] == len(at) - 1 and (np.diff(at) == 1).all():
             return int(at[0])
+        value = numbers.get(int(at[0]))
+        if value is not None and (at == at[0]).all():  # a third of all that is not side by side in a stack of boxes
+            kind = value, bool(np.signbit(value)), _padded(len(at))
+            if kind not in repeated:
+                repeated[kind] = end
+                end += kind[2]
+            return repeated[kind]
         lists.append(at)
         listed += len(at)
         return len(at) - listed - 1
@@ -169,6 +178,8 @@ def _laid_out(read: Instructions) -> Program:
     values = np.zeros(end + _BLOCK)
     for n, value in read.constants:
         values[place[n]] = value
+    for (value, _, count), begin in repeated.items():
+        values[begin : begin + count] = value
     longest = _padded(max(n for _, n, *_ in columns))
     loads = [(argument, entry, place[n]) for argument, entry, n in read.loads]
     stores = [(result, entry, place[n]) for result, entry, n in read.stores]
