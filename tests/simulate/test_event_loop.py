@@ -41,7 +41,7 @@ from acausal.models.clutches import ClutchChain, ThreeClutchDrive
 from acausal.models.rectifier import BridgeRectifier, SCRBridge
 from acausal.models.sampled_control import SampledSpeedControl
 from acausal.models.switched_converter import BuckConverter
-from acausal.simulate.driver import event_loop
+from acausal.simulate.driver import event_loop, loop_memory
 from acausal.simulate.native import cache
 
 pytestmark = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
@@ -198,7 +198,7 @@ def test_an_assertion_ends_the_run_with_its_words() -> None:
 def test_a_record_that_is_full_is_emptied(
     monkeypatch: pytest.MonkeyPatch, passes: list[event_loop.LoopState | None]
 ) -> None:
-    monkeypatch.setattr(event_loop, "_MOST_EVENTS", 7)
+    monkeypatch.setattr(loop_memory, "MOST_EVENTS", 7)
     compiled = acausal.compile(Wanderer())
     few = acausal.simulate(compiled, stop_time=20.0, solver="rosenbrock", tolerance=1e-8, native=True)
     assert sum(reached is not None for reached in passes) > 10

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule
+from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
@@ -29,12 +30,6 @@ from acausal.simulate.solvers.segment import Piece, Segment
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 Clears = Callable[[Segment, Piece], bool]
-_MOST_EVENTS = 1024
-# Mesh points of a stretch, on average (`stretches.c`).
-_MESH_POINTS = 8
-_ACTS = 16
-# Rounds with actions in one call that is traced.
-_MOST_JUMPS = 4 * _MOST_EVENTS
 # Calls in a row that ended where they began, after which no more are tried.
 _MOST_EMPTY = 8
 
@@ -84,7 +79,8 @@ class EventLoop:
     """The compiled event loop of one run.
 
     `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date. A run that is
-    traced has a `trace`, which gets every event. What `clears` does not clear of a call is not taken from it.
+    traced has a `trace`, which gets every event. What `clears` does not clear of a call is not taken from it. The
+    `memory` of a loop of an equal system is used, if it is large enough.
     """
 
     def __init__(
@@ -98,6 +94,7 @@ class EventLoop:
         explain: Explain = lambda relations, clauses: (),
         trace: Callable[[LoopEvent], None] | None = None,
         clears: Clears | None = None,
+        memory: LoopMemory | None = None,
     ) -> None:
         self.problem, self.recorder, self.schedule, self.template = problem, recorder, schedule, template
         self.span, self.bounces, self.explain, self.trace, self.clears = span, bounces, explain, trace, clears
@@ -107,23 +104,9 @@ class EventLoop:
         self._states = compiled.states
         self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
         self._structure: EventLoopStructure | None = None
-        rows, self._acts = schedule.longest + 4 * _MOST_EVENTS, _ACTS * _MOST_EVENTS
-        self.x, self.m = np.empty(len(compiled.states)), np.empty(compiled.n_modes)
-        self.row_time, self.row_x = np.empty(rows), np.empty((rows, len(compiled.states)))
-        self.row_m = np.empty((rows, compiled.n_modes))
-        self.event_time, self.event_row = np.empty(_MOST_EVENTS), np.empty(_MOST_EVENTS, dtype=np.int64)
-        self.acts_end, self.act = np.empty(_MOST_EVENTS, dtype=np.int64), np.empty(self._acts, dtype=np.int64)
-        self.fired = np.empty((_MOST_EVENTS, len(compiled.state_events.relations)), dtype=np.uint8)
-        most = 0 if trace is None else _MOST_JUMPS
-        self.jump_x, self.jump_m = np.empty((most, len(compiled.states))), np.empty((most, compiled.n_modes))
-        self.jump_applied = np.empty((most, sum(len(c.actions) for c in compiled.state_events.clauses)))
-        self.jump_advances, self.jumps_end = np.empty(most, dtype=np.int64), np.zeros(_MOST_EVENTS, dtype=np.int64)
-        kept = 0 if clears is None else rows + _MESH_POINTS * _MOST_EVENTS
-        self.trail_time, self.trail_x = np.empty(kept), np.empty((kept, len(compiled.states)))
-        each = min(kept, _MOST_EVENTS + 1)
-        self.trail_end, self.stretch_steps, self.stretch_events, self.stretch_doubts = (
-            np.empty(each, dtype=np.int64) for _ in range(4)
-        )
+        wanted = schedule.longest, trace is not None, clears is not None
+        shared = memory is not None and memory.suffices(*wanted)
+        self.memory = memory if shared and memory is not None else LoopMemory(compiled, *wanted)
 
     @property
     def has_stalled(self) -> bool:
@@ -134,7 +117,7 @@ class EventLoop:
         """The same for another schedule of its run; None where its memory is too short for that."""
         if schedule is self.schedule:
             return self
-        if schedule.longest + _MOST_EVENTS > len(self.row_time):
+        if not self.memory.is_long_enough(schedule.longest):
             return None
         self.schedule, self._empty = schedule, 0
         if self._structure is not None:
@@ -160,7 +143,7 @@ class EventLoop:
         bounces = self.bounces
         again = bounces is not None and self.clears is not None
         before = (bounces.count, bounces.last.copy(), bounces.crowd.copy()) if again and bounces is not None else None
-        self._run(library, loop, start, events or _MOST_EVENTS)
+        self._run(library, loop, start, events or self.memory.events)
         passed = self._cleared(loop, start)
         if passed is not None:  # once more, up to where something may have been passed over
             if before is not None and bounces is not None:
@@ -173,14 +156,14 @@ class EventLoop:
             return None
         self._record(loop, place.here, x, m)
         here = Place(loop.segment, loop.here, bool(loop.entered), bool(loop.fresh))
-        return LoopState(here, self.x.copy(), self.m.copy(), float(loop.first))
+        return LoopState(here, self.memory.x.copy(), self.memory.m.copy(), float(loop.first))
 
     def _run(self, library: Library[EventLoopProgram], loop: EventLoopStructure, start: LoopState, events: int) -> None:
         """Run from a start as far as it goes with fewer than so many events."""
         place = start.place
         loop.segment, loop.here, loop.event_capacity = place.segment, place.here, events
         loop.entered, loop.fresh, loop.first = place.entered, place.fresh, start.pace
-        self.x[:], self.m[:] = start.x, start.m
+        self.memory.x[:], self.memory.m[:] = start.x, start.m
         if self.bounces is not None:
             loop.count = self.bounces.count
         loop.rows = loop.events = loop.acts = loop.jumps = loop.trail = loop.stretches = 0
@@ -197,18 +180,18 @@ class EventLoop:
         if self.clears is None:
             return None
         first = 0
-        for k, last in enumerate(self.trail_end[: loop.stretches].tolist()):
-            events = int(self.stretch_events[k])
+        for k, last in enumerate(self.memory.trail_end[: loop.stretches].tolist()):
+            events = int(self.memory.stretch_events[k])
             t, x, m = start.place.here, start.x, start.m
             if events:
-                row = int(self.event_row[events - 1])
-                t, x, m = float(self.row_time[row]), self.row_x[row], self.row_m[row]
-            times, own = self.trail_time[first:last], self.trail_x[first:last].T
+                row = int(self.memory.event_row[events - 1])
+                t, x, m = float(self.memory.row_time[row]), self.memory.row_x[row], self.memory.row_m[row]
+            times, own = self.memory.trail_time[first:last], self.memory.trail_x[first:last].T
             first = last
-            if not self.stretch_doubts[k]:
+            if not self.memory.stretch_doubts[k]:
                 continue
             segment = replace(self.template, start=t, times=times, x=x, p=m)
-            piece = Piece(own, np.zeros((0, len(times))), {"steps": float(self.stretch_steps[k])})
+            piece = Piece(own, np.zeros((0, len(times))), {"steps": float(self.memory.stretch_steps[k])})
             if len(times) and not self.clears(segment, piece):
                 return events
         return None
@@ -240,11 +223,11 @@ class EventLoop:
             "relative": self.template.tolerances.relative,
             "absolute": self.template.tolerances.absolute,
             "step": self.template.step or 0.0,
-            "row_capacity": len(self.row_time),
-            "event_capacity": _MOST_EVENTS,
-            "act_capacity": self._acts,
-            "jump_capacity": len(self.jump_x),
-            "trail_capacity": len(self.trail_time),
+            "row_capacity": len(self.memory.row_time),
+            "event_capacity": self.memory.events,
+            "act_capacity": self.memory.acts,
+            "jump_capacity": len(self.memory.jump_x),
+            "trail_capacity": len(self.memory.trail_time),
         }
         whole = partial(np.array, dtype=np.int64)
         real = partial(np.ascontiguousarray, dtype=np.float64)
@@ -259,13 +242,14 @@ class EventLoop:
             "u": real(problem.u),
             "p": real(problem.p),
             **schedule.arrays,
-            **{name: getattr(self, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
-            **{name: getattr(self, name) for name in ("event_row", "acts_end", "act", "fired")},
+            **{name: getattr(self.memory, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
+            **{name: getattr(self.memory, name) for name in ("event_row", "acts_end", "act", "fired")},
             **{
-                name: getattr(self, name) for name in ("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end")
+                name: getattr(self.memory, name)
+                for name in ("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end")
             },
-            **{name: getattr(self, name) for name in ("trail_time", "trail_x", "trail_end")},
-            **{name: getattr(self, name) for name in ("stretch_steps", "stretch_events", "stretch_doubts")},
+            **{name: getattr(self.memory, name) for name in ("trail_time", "trail_x", "trail_end")},
+            **{name: getattr(self.memory, name) for name in ("stretch_steps", "stretch_events", "stretch_doubts")},
         }
         known = None if self.clears is None else steep_arguments(compiled)
         if known is not None:  # the program looks at them by itself
@@ -280,8 +264,8 @@ class EventLoop:
         """Record what the loop has passed."""
         n = loop.rows
         # columns are instants, as solvers deliver them
-        times, x, m = self.row_time[:n].copy(), self.row_x[:n].copy().T, self.row_m[:n].copy().T
-        starts = self.event_row[: loop.events]
+        times, x, m = self.memory.row_time[:n].copy(), self.memory.row_x[:n].copy().T, self.memory.row_m[:n].copy().T
+        starts = self.memory.event_row[: loop.events]
         self._fill(times, x, m, starts, start, x_start)
         before = x.T[starts - 1]
         before[starts == 0] = x_start
@@ -290,14 +274,14 @@ class EventLoop:
             modes = np.hstack([m_start[:, None], m])
             for k, row in enumerate(starts.tolist()):
                 left, right = (before[k], modes[:, row]), (x[:, row], modes[:, row + 1])
-                self.trace(LoopEvent(float(self.event_time[k]), self._reached(k), left, right, self._jumps(k)))
-        ends = [0, *self.acts_end[: loop.events].tolist()]
-        acts = self.act[: ends[-1]].tolist()
+                self.trace(LoopEvent(float(self.memory.event_time[k]), self._reached(k), left, right, self._jumps(k)))
+        ends = [0, *self.memory.acts_end[: loop.events].tolist()]
+        acts = self.memory.act[: ends[-1]].tolist()
         boundaries = []
-        for k, t in enumerate(self.event_time[: loop.events].tolist()):
-            happened = self.fired[k].tobytes(), tuple(acts[ends[k] : ends[k + 1]]), moved[k].tobytes()
+        for k, t in enumerate(self.memory.event_time[: loop.events].tolist()):
+            happened = self.memory.fired[k].tobytes(), tuple(acts[ends[k] : ends[k + 1]]), moved[k].tobytes()
             if happened not in self._known:  # the same few things happen again and again
-                causes = self.explain(np.flatnonzero(self.fired[k]).tolist(), list(happened[1]))
+                causes = self.explain(np.flatnonzero(self.memory.fired[k]).tolist(), list(happened[1]))
                 self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
             boundaries.append((t, *self._known[happened]))
         counters = {
@@ -310,14 +294,19 @@ class EventLoop:
 
     def _reached(self, event: int) -> int | None:
         """The relation that was reached; None at a known instant."""
-        fired = self.fired[event]
+        fired = self.memory.fired[event]
         return int(np.argmax(fired)) if fired.any() else None
 
     def _jumps(self, event: int) -> tuple[tuple[Vector, Vector, NDArray[np.bool_], bool], ...]:
-        first = int(self.jumps_end[event - 1]) if event else 0
+        first = int(self.memory.jumps_end[event - 1]) if event else 0
         return tuple(
-            (self.jump_x[k].copy(), self.jump_m[k].copy(), self.jump_applied[k] > 0.5, bool(self.jump_advances[k]))
-            for k in range(first, int(self.jumps_end[event]))
+            (
+                self.memory.jump_x[k].copy(),
+                self.memory.jump_m[k].copy(),
+                self.memory.jump_applied[k] > 0.5,
+                bool(self.memory.jump_advances[k]),
+            )
+            for k in range(first, int(self.memory.jumps_end[event]))
         )
 
     def _fill(
@@ -341,4 +330,4 @@ class EventLoop:
             total[:, used + 1] = grown[:, np.searchsorted(owner, used, side="right") - 1]
         reached = x_start[own, None] + np.cumsum(total, axis=1)
         x[own] = reached[:, owner] + grown
-        self.x[own] = reached[:, -1]
+        self.memory.x[own] = reached[:, -1]

@@ -12,6 +12,7 @@ import numpy as np
 from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.event_loop import EventLoop, LoopEvent, suits_event_loop
+from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated, unsettled
@@ -85,6 +86,8 @@ class Hybrid:
     """Searches what has been passed by a solver that stops at guards by itself; None where nothing is steep."""
     jumped: Jumped | None = None
     """Where delayed signals are read once an event has changed their delays."""
+    memories: dict[int, LoopMemory] = field(default_factory=dict)
+    """Memory of compiled loops by the `id` of their common model; equal systems of a run have one."""
     moment: Moment | None = None
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
@@ -151,7 +154,9 @@ class Hybrid:
             return None
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._explained
         clears = None if self.missed_events is None else self._clears
-        self._loop = EventLoop(*parts, self._trace if self.traced else None, clears)
+        kind = id(self.problem.compiled.common)
+        self._loop = EventLoop(*parts, self._trace if self.traced else None, clears, self.memories.get(kind))
+        self.memories[kind] = self._loop.memory
         return self._loop
 
     def _trace(self, passed: LoopEvent) -> None:

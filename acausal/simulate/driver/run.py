@@ -27,6 +27,7 @@ from acausal.simulate.driver.agenda import Agenda, Schedule, Source, known_insta
 from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.independent import IndependentSystems, Member
+from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.arguments import arguments
@@ -274,9 +275,10 @@ class Run:
             return []
         if known.segments > _MOST_STOPS:
             return []
-        return [self.member(part, template) for part in subsystems(self.compiled)]
+        memories: dict[int, LoopMemory] = {}
+        return [self.member(part, template, memories) for part in subsystems(self.compiled)]
 
-    def member(self, part: Subsystem, template: Segment) -> Member:
+    def member(self, part: Subsystem, template: Segment, memories: dict[int, LoopMemory]) -> Member:
         """One of these systems, with a solver that fits its own size."""
         opts, model, none = self.options, part.model, np.zeros(0)
         problem = Problem(model, part.p(self.p, self.u), none, opts.native)
@@ -290,7 +292,8 @@ class Run:
 
         if model.state_events:
             parts = under, under, tolerances, own, opts.span
-            hybrid = Hybrid(problem, solver, recorder, *parts, missed_events=self.missed_events(model, solver))
+            search = self.missed_events(model, solver)
+            hybrid = Hybrid(problem, solver, recorder, *parts, missed_events=search, memories=memories)
             return Member(part, problem, solver, recorder, hybrid, opts.span)
         smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), own, opts.span)
         return Member(part, problem, solver, recorder, smooth, opts.span)

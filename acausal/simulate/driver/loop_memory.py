@@ -1,0 +1,51 @@
+"""What compiled code of the event loop writes during one call."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from acausal.lower.compiled import CompiledModel
+
+MOST_EVENTS = 1024
+# Mesh points of a stretch, on average (`stretches.c`).
+_MESH_POINTS = 8
+_ACTS = 16
+# Rounds with actions in one call that is traced.
+_MOST_JUMPS = 4096
+
+
+class LoopMemory:
+    """Rows, events and jumps of one call, and the states that were reached.
+
+    Nothing in it outlives a call, so loops of equal systems that are called one after the other share one: of 256
+    balls each had a megabyte, which the machine had to clear.
+    """
+
+    def __init__(self, compiled: CompiledModel, longest: int, is_traced: bool, is_searched: bool) -> None:
+        """For schedules with `longest` output times in a segment at most; see `struct event_loop` of event_loop.c."""
+        states, events = len(compiled.states), compiled.state_events
+        rows, self.acts = longest + 4 * MOST_EVENTS, _ACTS * MOST_EVENTS
+        self.events, self.is_traced, self.is_searched = MOST_EVENTS, is_traced, is_searched
+        self.x, self.m = np.empty(states), np.empty(compiled.n_modes)
+        self.row_time, self.row_x, self.row_m = np.empty(rows), np.empty((rows, states)), np.empty((rows, len(self.m)))
+        self.event_time, self.event_row = np.empty(MOST_EVENTS), np.empty(MOST_EVENTS, dtype=np.int64)
+        self.acts_end, self.act = np.empty(MOST_EVENTS, dtype=np.int64), np.empty(self.acts, dtype=np.int64)
+        self.fired = np.empty((MOST_EVENTS, len(events.relations)), dtype=np.uint8)
+        most = _MOST_JUMPS if is_traced else 0
+        self.jump_x, self.jump_m = np.empty((most, states)), np.empty((most, compiled.n_modes))
+        self.jump_applied = np.empty((most, sum(len(c.actions) for c in events.clauses)))
+        self.jump_advances, self.jumps_end = np.empty(most, dtype=np.int64), np.zeros(MOST_EVENTS, dtype=np.int64)
+        kept = rows + _MESH_POINTS * MOST_EVENTS if is_searched else 0
+        self.trail_time, self.trail_x = np.empty(kept), np.empty((kept, states))
+        each = min(kept, MOST_EVENTS + 1)
+        self.trail_end, self.stretch_steps, self.stretch_events, self.stretch_doubts = (
+            np.empty(each, dtype=np.int64) for _ in range(4)
+        )
+
+    def suffices(self, longest: int, is_traced: bool, is_searched: bool) -> bool:
+        """Whether it will do for such a run of its system or an equal one."""
+        return self.is_long_enough(longest) and self.is_traced == is_traced and self.is_searched == is_searched
+
+    def is_long_enough(self, longest: int) -> bool:
+        """Whether segments with so many output times leave room for events."""
+        return longest + self.events <= len(self.row_time)
