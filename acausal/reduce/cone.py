@@ -137,6 +137,8 @@ def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[
 
     initial = [k for k, n in enumerate(reduced.initial) if inside(n)]
     asserts = [k for k, n in enumerate(reduced.asserts) if inside(n)]
+    unchecked = [a.message for k, a in enumerate(flat.asserts) if k not in asserts]
+    note = f"not checked, as it is about what no output depends on: {'; '.join(unchecked)}"
     assigned = [k for k, a in enumerate(flat.assignments) if inside(reduced.image[a.scalar])]
     whens, when_nodes = [], []
     for when, found in zip(flat.whens, reduced.whens, strict=True):
@@ -153,6 +155,7 @@ def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[
             whens=tuple(whens),
             assignments=tuple(flat.assignments[k] for k in assigned),
             asserts=tuple(flat.asserts[k] for k in asserts),
+            notes=(*flat.notes, note) if unchecked else flat.notes,
         ),
         initial=tuple(reduced.initial[k] for k in initial),
         whens=tuple(when_nodes),
