@@ -156,6 +156,8 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
     Raises DeclarationError: AC136 for a value outside its limits, AC139 for values that do not go together.
     """
     p = np.array(compiled.parameter_values, dtype=float)
+    if not given:  # large models have thousands of names
+        return p
     index = {name: k for k, name in enumerate(compiled.parameters)}
     declared = {f.path: f for f in compiled.flat.parameters}
     for path, value in given.items():
@@ -187,8 +189,7 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
             if whole is not None:
                 check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
             p[index[name]] = number
-    if given:
-        check_values(compiled.flat, p.tolist())
+    check_values(compiled.flat, p.tolist())
     return p
 
 

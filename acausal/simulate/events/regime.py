@@ -228,19 +228,25 @@ class ActiveSet:
         own = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), which)
         # discrete variables act on rates and have none, integrals have rates and act on nothing: neither is solved for
         first = nx - self.compiled.discretes
-        x, held = s.x[:n], s.x[first:]
-        parts = [ca.jacobian(f, v) for f in (ode[:n], alg) for v in (x, s.z, held)]
+        x, held, rates = s.x[:n], s.x[first:], ca.vertcat(ode[:n], alg)
+        # transposed, as symbols are for nothing: values would be copied at each call
+        parts = [ca.jacobian(f, v).T for v in (x, s.z) for f in (ode[:n], alg)]
         inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]
         e, h, k = ca.MX.sym("e", nx), ca.MX.sym("h"), ca.MX.sym("k", count)
-        fx, fz, fd, ax, az, ad = ca.Function("slopes", s.inputs, parts).call(inputs)
+        fx, ax, fz, az = ca.Function("slopes", s.inputs, parts).call(inputs)
         slope = ca.Function("slope", [*s.inputs, which], [own])
         g = ca.horzcat(*(slope(*inputs, k[i]) for i in range(count)))
-        matrix = ca.blockcat([[ca.MX.eye(n) - h * fx, -h * fz], [ax, az]])
+        matrix = ca.blockcat([[ca.MX.eye(n) - h * fx, ax], [-h * fz, az]])
         # a pivot may be zero that no Jacobian has
-        solved: Any = ca.solve(matrix.T, ca.vertcat(g[:n, :], g[nx:, :]), "qr")
+        solved: Any = ca.solve(matrix, ca.vertcat(g[:n, :], g[nx:, :]), "qr")
         errors = ca.fabs(solved[:n, :]).T @ e[:n]
         if first < nx:
-            errors += ca.fabs(g[first:nx, :] - ca.vertcat(-h * fd, ad).T @ solved).T @ e[first:]
+            # a product, as the matrix has 40 000 entries where a hundred clutches act on one shaft
+            seeds = ca.SX.sym("seeds", rates.numel(), count)
+            moved = ca.densify(ca.jtimes(rates, held, seeds, True))
+            product = ca.Function("held", [*s.inputs, seeds], [moved])
+            follows = product(*inputs, ca.vertcat(-h * solved[:n, :], solved[n:, :]))
+            errors += ca.fabs(g[first:nx, :] - follows).T @ e[first:]
         return ca.Function("relaxed", [*inputs, e, h, k], [errors])
 
     @cached_property

@@ -156,15 +156,20 @@ def _led(compiled: CompiledModel, prescribed: bool = False) -> list[tuple[int, s
     return known[prescribed]
 
 
+_INTEGERS: WeakKeyDictionary[CompiledModel, list[int]] = WeakKeyDictionary()
+
+
 def integers(compiled: CompiledModel) -> list[int]:
     """Indices of the integers among the states."""
-    names = {
-        v.path + suffix
-        for v in compiled.flat.variables
-        if v.declaration.integer
-        for suffix in suffixes(v.declaration.shape)
-    }
-    return [k for k, name in enumerate(compiled.states) if name in names] if names else []
+    if compiled not in _INTEGERS:
+        names = {
+            v.path + suffix
+            for v in compiled.flat.variables
+            if v.declaration.integer
+            for suffix in suffixes(v.declaration.shape)
+        }
+        _INTEGERS[compiled] = [k for k, name in enumerate(compiled.states) if name in names] if names else []
+    return _INTEGERS[compiled]
 
 
 def refuse_fractions(recorder: Recorder) -> None:

@@ -166,11 +166,23 @@ class Recorder:
         return times[keep], States(self._x, keep), z[:, keep], m[:, keep]
 
     def rows(self, first: int = 0) -> tuple[Vector, Vector, Vector, Vector]:
-        """(times, x, z, modes) of all rows from one on; columns are instants."""
+        """(times, x, z, modes) of all rows from one on; columns are instants. They are not for changing."""
+        if first == 0:
+            self._join()
         part = bisect_right(self._starts, first) - 1
         skip = first - self._starts[part]
         x, z, m = (joined(columns[part:])[:, skip:] for columns in (self._x, self._z, self._m))
         return self.times(first), x, z, m
+
+    def _join(self) -> None:
+        """Keep all rows as one part: the end of a run asks for them several times."""
+        if len(self._starts) > 1:
+            self._x, self._z, self._m = ([joined(parts)] for parts in (self._x, self._z, self._m))
+            self._times, self._starts = [np.concatenate(self._times)], [0]
+
+    def magnitudes(self, n: int) -> Vector:
+        """The largest magnitude of each of the first n states, without an array of all rows."""
+        return np.maximum.reduce([np.maximum(x[:n].max(axis=1), -x[:n].min(axis=1)) for x in self._x])
 
     def before(self, t: float) -> int:
         """The last row not after `t`."""

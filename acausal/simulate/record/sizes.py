@@ -13,13 +13,14 @@ rate when everything it is made of moves by that much.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.diagnose.words import listed
+from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Tolerances
@@ -47,17 +48,18 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
     n, nominal = compiled.n_dynamic, compiled.nominal_x
     if n == 0:
         return ()
-    times, x, z, m = recorder.rows()
-    if recorder.counters.get("steps", 0.0) > _STEPS * len(times):
+    if recorder.counters.get("steps", 0.0) > _STEPS * recorder.count:
         return ()
-    largest = _of_vectors(compiled.states[:n], np.abs(x[:n]).max(axis=1))
-    least = tolerances.absolute * nominal[:n]
+    largest, least = recorder.magnitudes(n), tolerances.absolute * nominal[:n]
+    if not (largest < _DIGITS * least).any():
+        return ()
+    largest = _of_vectors(compiled, largest)
     small = np.flatnonzero((largest > _GIVEN * nominal[:n]) & (largest < _DIGITS * least))
     if not small.size:
         return ()
+    rows = times, x, z, m = recorder.rows()
     solved = bool(compiled.algebraic) or compiled.solution.structure.rate is not None
     begun = np.abs(x[small, 0]) > (_SOLVED if solved else _GIVEN) * nominal[small]
-    rows = times, x, z, m
     told = small[(begun | _driven(recorder, small, p, u, rows)) & _shown(recorder, small, p, u, rows)]
     if not told.size:
         return ()
@@ -72,13 +74,20 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
     )
 
 
-def _of_vectors(names: Sequence[str], largest: Vector) -> Vector:
+# The same for all runs of a model.
+_VECTORS: WeakKeyDictionary[CompiledModel, NDArray[np.int64]] = WeakKeyDictionary()
+
+
+def _of_vectors(compiled: CompiledModel, largest: Vector) -> Vector:
     """Of each state the largest magnitude in its vector or list: a cell ahead of a front is known well enough."""
-    vectors = [_INDICES.sub("", name) for name in names]
-    most: dict[str, float] = {}
-    for vector, value in zip(vectors, largest.tolist(), strict=True):
-        most[vector] = max(most.get(vector, 0.0), value)
-    return np.array([most[vector] for vector in vectors])
+    if compiled not in _VECTORS:
+        numbers: dict[str, int] = {}
+        names = (_INDICES.sub("", name) for name in compiled.states)
+        _VECTORS[compiled] = np.array([numbers.setdefault(name, len(numbers)) for name in names], dtype=np.int64)
+    vectors = _VECTORS[compiled][: len(largest)]
+    most = np.zeros(int(vectors.max()) + 1)
+    np.maximum.at(most, vectors, largest)
+    return np.asarray(most[vectors])
 
 
 def _shown(recorder: Recorder, small: NDArray[np.intp], p: Vector, u: Vector, rows: Rows) -> NDArray[np.bool_]:
