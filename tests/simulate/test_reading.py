@@ -33,7 +33,7 @@ def test_each_signal_read_alone_is_what_it_is_among_all(name: str) -> None:
     result = acausal.simulate(MODELS[name](), stop_time=0.5, tolerance=1e-5)
     whole = acausal.simulate(MODELS[name](), stop_time=0.5, tolerance=1e-5)
     _ = whole.matrix
-    some = result.names[:: max(1, len(result.names) // 40)]
+    some = whole.names[:: max(1, len(whole.names) // 40)]
     for signal in some:
         np.testing.assert_array_equal(result[signal], whole[signal])
     assert "matrix" not in result.__dict__
@@ -50,6 +50,25 @@ def test_one_signal_does_not_compute_all(monkeypatch: pytest.MonkeyPatch) -> Non
     assert result.final("resistors[7].i") == pytest.approx(result["resistors[7].v"][-1], rel=1e-12)  # 1 Ohm
     with pytest.raises(AssertionError):
         _ = result.matrix
+
+
+def test_one_constant_does_not_describe_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a scene reads at each look at its contacts: parameters, and what follows from these alone."""
+
+    def all_of_them(*arguments: object) -> None:
+        raise AssertionError("all signals are described")
+
+    whole = acausal.simulate(ThickBlock(), stop_time=0.5)
+    constants = [name for name in whole.names if whole.signals[name].column is None]
+    monkeypatch.setattr(record, "signals", all_of_them)
+    result = acausal.simulate(ThickBlock(), parameters={"m": 4.0}, stop_time=0.5)
+    assert result.final("m") == 4.0 and whole.final("m") != 4.0
+    found = {name: result.signals[name] for name in constants}
+    assert sum(s.parameter for s in found.values()) not in (0, len(constants))
+    changed = {n for n, s in found.items() if not np.array_equal(s.value, whole.signals[n].value, equal_nan=True)}
+    assert all(np.isclose(found[n].value / whole.signals[n].value, 4.0 / whole.final("m")) for n in changed)
+    with pytest.raises(AssertionError):
+        len(result.signals)
 
 
 def test_many_signals_one_by_one_become_all_at_once() -> None:

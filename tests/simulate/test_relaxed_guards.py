@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, sqrt, variable, where
+from acausal import Component, Equations, Real, der, discrete, fixed, parameter, reset, sqrt, variable, when, where
 from acausal.models.clutches import ClutchChain
 from acausal.simulate.events import regime
 from acausal.simulate.events.guards import Guards
@@ -84,3 +84,38 @@ def test_few_of_hundreds_of_guards_are_asked(monkeypatch: pytest.MonkeyPatch) ->
     assert len(result.events) >= 12
     assert len(compiled.state_events.relations) >= 72
     assert np.median(asked) <= 4
+
+
+class Held(Component):
+    """x follows 2*d at once, and the guard is x + 3*d; d is discrete."""
+
+    fast: Real = parameter(default=1e6, unit="1/s")
+    x: Real = variable(unit="1", default=fixed(3.0))
+    n: Real = variable(unit="s", default=fixed(0.0))
+    d: Real = discrete(unit="1", default=1.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.fast * (self.x - 2 * self.d)
+        yield der(self.n) == where(self.x + 3 * self.d > 0.5, 1.0, 0.0)
+        yield when(self.x < 0.1, reset(self.d, 2.0))
+
+
+@pytest.mark.parametrize("h", [1e-9, 1e-3])
+def test_errors_of_discrete_variables_move_what_follows_them(h: float) -> None:
+    """By hand: with s = 1/(1 + h*fast), x is known to s*e_x + 2*(1 - s)*e_d, and x + 3*d to s*e_x + (5 - 2*s)*e_d."""
+    compiled = acausal.compile(Held())
+    assert compiled.states == ("x", "n", "d")
+    e, s = np.array([1e-3, 0.0, 2e-4]), 1.0 / (1.0 + h * 1e6)
+    expected = sorted([s * e[0] + (2.0 - 2.0 * s) * e[2], s * e[0] + (5.0 - 2.0 * s) * e[2]])
+    here, m = regime.ActiveSet(compiled, (), None), np.ones(compiled.n_modes)
+    at = 0.0, np.array([2.0, 0.0, 1.0]), [], [], np.array([1e6]), m, e, h
+    found = [here.buffered_relaxed(*at, k)[0][0] for k in range(2)]
+    assert sorted(found) == pytest.approx(expected, rel=1e-9)
+    every = np.resize(np.arange(2), regime.TOGETHER)
+    assert here.buffered_relaxed_together(*at, every)[0][:2] == pytest.approx(found, rel=1e-12)
+
+
+def test_what_tells_it_grows_with_the_model() -> None:
+    """Four times as many clutches, whose modes all act on one chain, are at most 4.5 times as many numbers."""
+    few, many = (regime.ActiveSet(acausal.compile(ClutchChain(n=n)), (), None).relaxed.sz_w() for n in (4, 16))
+    assert many < 4.5 * few

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.errors import Span
-from acausal.flatten.flat import suffixes
+from acausal.flatten.flat import FlatParameter, suffixes
 from acausal.language.declarations.declaration import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
@@ -182,7 +182,7 @@ class Recorder:
 
     def magnitudes(self, n: int) -> Vector:
         """The largest magnitude of each of the first n states, without an array of all rows."""
-        return np.maximum.reduce([np.maximum(x[:n].max(axis=1), -x[:n].min(axis=1)) for x in self._x])
+        return np.asarray(np.maximum.reduce([np.maximum(x[:n].max(axis=1), -x[:n].min(axis=1)) for x in self._x]))
 
     def before(self, t: float) -> int:
         """The last row not after `t`."""
@@ -265,10 +265,24 @@ class Described(Mapping[str, Signal]):
 
     def __getitem__(self, name: str) -> Signal:
         found = self._moving.get(name)
-        return found if found is not None and found.column is not None else self._made[name]
+        if found is not None and found.column is not None:
+            return found
+        if "_made" in self.__dict__:
+            return self._made[name]
+        # alone: a scene reads a few at each look at its contacts, and to make all takes as long as the run in between
+        if found is not None:
+            return replace(found, value=float(self._constants[self._moving.constant(self._compiled, name)]))
+        parameter, place = self._moving.parameters[name]
+        (value,) = compiled_parameters(self._compiled, parameter.nodes[place : place + 1], self._p)
+        return Signal(name, parameter.declaration.unit, parameter.declaration.doc, value=value, parameter=True)
+
+    @cached_property
+    def _constants(self) -> Vector:
+        """Values of the variables that are constant, as the model counts them."""
+        return functions_of(self._compiled).constants(self._p)[0]
 
     def __contains__(self, name: object) -> bool:
-        return name in self._moving or name in self._made
+        return name in self._moving or name in self._moving.parameters
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._made)
@@ -318,6 +332,7 @@ class _Variables(Mapping[str, Signal]):
         self._place: dict[str, int] = {}  # entries counted over all variables
         self._first: list[int] = []
         left_out, place = reduced.left_out, 0
+        self._parameters, self._constants = reduced.flat.parameters, dict[int, int]()
         for variable in self._variables:
             self._first.append(place)
             for k, suffix in enumerate(suffixes(variable.declaration.shape)):
@@ -342,6 +357,21 @@ class _Variables(Mapping[str, Signal]):
         if op == "neg" and operands[0] in self._column:
             return Signal(name, d.unit, d.doc, column=self._column[operands[0]], sign=-1)
         return Signal(name, d.unit, d.doc)
+
+    @cached_property
+    def parameters(self) -> dict[str, tuple[FlatParameter, int]]:
+        """Of the name of each parameter's entry the parameter, and which entry it is."""
+        return {
+            parameter.path + suffix: (parameter, k)
+            for parameter in self._parameters
+            for k, suffix in enumerate(suffixes(parameter.declaration.shape))
+        }
+
+    def constant(self, compiled: CompiledModel, name: str) -> int:
+        """The place of a constant variable of this model among its `constant_nodes`."""
+        if not self._constants:
+            self._constants = {node: k for k, node in enumerate(compiled.constant_nodes)}
+        return self._constants[self.node(name)]
 
     def node(self, name: str) -> int:
         """The node of a variable in the reduced pool."""
