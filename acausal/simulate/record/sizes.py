@@ -57,9 +57,9 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
     small = np.flatnonzero((largest > _GIVEN * nominal[:n]) & (largest < _DIGITS * least))
     if not small.size:
         return ()
-    rows = times, x, z, m = recorder.rows()
+    rows = recorder.rows()
     solved = bool(compiled.algebraic) or compiled.solution.structure.rate is not None
-    begun = np.abs(x[small, 0]) > (_SOLVED if solved else _GIVEN) * nominal[small]
+    begun = np.abs(rows[1][small, 0]) > (_SOLVED if solved else _GIVEN) * nominal[small]
     told = small[(begun | _driven(recorder, small, p, u, rows)) & _shown(recorder, small, p, u, rows)]
     if not told.size:
         return ()
