@@ -108,7 +108,8 @@ def test_errors_of_discrete_variables_move_what_follows_them(h: float) -> None:
     e, s = np.array([1e-3, 0.0, 2e-4]), 1.0 / (1.0 + h * 1e6)
     expected = sorted([s * e[0] + (2.0 - 2.0 * s) * e[2], s * e[0] + (5.0 - 2.0 * s) * e[2]])
     here, m = regime.ActiveSet(compiled, (), None), np.ones(compiled.n_modes)
-    at = 0.0, np.array([2.0, 0.0, 1.0]), [], [], np.array([1e6]), m, e, h
+    none = np.zeros(0)
+    at = 0.0, np.array([2.0, 0.0, 1.0]), none, none, np.array([1e6]), m, e, h
     found = [here.buffered_relaxed(*at, k)[0][0] for k in range(2)]
     assert sorted(found) == pytest.approx(expected, rel=1e-9)
     every = np.resize(np.arange(2), regime.TOGETHER)
