@@ -19,7 +19,7 @@ eight times the work.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,7 @@ import numpy as np
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.steep import STEPS, steep
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.flatten.reduced import ReducedSystem
 from acausal.language.expressions.external import Call
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
@@ -69,11 +70,15 @@ def located_kinks(
     """
     known = set(located)
     graph = _Graph(solution, discrete)
-    pool, points = graph.pool, graph.points
+    reduced, pool, points = solution.structure.reduced, graph.pool, graph.points
     known_directions = {_direction_key(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
     relations: list[int] = []
     choices, rates = set[int](), set[int]()
-    for number, a, b in _kinks(graph, known):
+    images = dict[int, int]()
+    for number, *sides in _kinks(graph, known):
+        a, b = _images(reduced, sides, images)
+        if not (graph.moves(a) or graph.moves(b)) or _is_left_out(reduced, a, b):
+            continue
         distance = points.everywhere(pool.sub(a, b))
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
             continue  # it rests at its kink, and another kink moves it: maximum(f(maximum(u, 0)), 0)
@@ -104,6 +109,23 @@ def located_kinks(
     left = set(relations) - watched
     watched_relations, left_out = (tuple(n for n in relations if n in some) for some in (watched, left))
     return LocatedKinks(watched_relations, left_out, bursts)
+
+
+def _images(reduced: ReducedSystem, nodes: Sequence[int], done: dict[int, int]) -> list[int]:
+    """Nodes with the constants of variables that a reduction folded; the original equations still have these."""
+    names = reduced.scalar
+    reduced.pool.rewrite(nodes, lambda v: reduced.image[names[v]] if v < len(names) else reduced.pool.var(v), done)
+    return [done[n] for n in nodes]
+
+
+def _is_left_out(reduced: ReducedSystem, *nodes: int) -> bool:
+    """Whether nodes depend on what a reduction left out: nothing that is left depends on that."""
+    for v in reduced.pool.variables_in(*nodes) if reduced.left_out else ():
+        while v >= len(reduced.scalar):
+            v = reduced.pool.integral_of[v]
+        if reduced.scalar[v] in reduced.left_out:
+            return True
+    return False
 
 
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:

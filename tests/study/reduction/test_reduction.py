@@ -194,3 +194,27 @@ def test_errors_are_measured_where_every_row_is_a_sample(interval: float) -> Non
     f = acausal.simulate(Sampled(), output_interval=0.01, stop_time=1.0, tolerance=1e-9)["f"]
     (error,) = found.comparison.errors
     assert error.absolute == pytest.approx(0.1 * np.abs(f).max(), rel=0.1)
+
+
+class KinkBesideWhatRests(Component):
+    """y' = 1000 max(x - 0.5, 0) with x = t; the kink also depends on `aside`, which stays zero."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    still: Real = variable(default=fixed(0.0))
+    aside: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.still) == -self.still * self.x
+        yield self.aside == self.still * acausal.exp(self.x)
+        yield der(self.y) == 1e3 * acausal.maximum(self.x + self.aside - 0.5, 0.0)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_a_kink_is_located_without_what_was_folded(solver: str) -> None:
+    """Closed form: y(1) = 1000 * 0.5**2 / 2. A drill above plates was a KeyError: its edges were beside the axis."""
+    found = acausal.reduce(KinkBesideWhatRests(), ["y"], repeat=1, stop_time=1.0)
+    assert found.compiled.states == ("x", "y")
+    r = acausal.simulate(found.compiled, stop_time=1.0, tolerance=1e-8, solver=solver)
+    assert r.final("y") == pytest.approx(125.0, rel=1e-7)
