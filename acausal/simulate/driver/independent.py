@@ -68,6 +68,8 @@ class Member:
     span: float
     _first: int = 0
     _boundary: int = 0
+    ahead: Place | None = None
+    """Where compiled code has come to in the stretch that was entered, if it has gone on at once."""
 
     @property
     def template(self) -> Segment:
@@ -78,14 +80,17 @@ class Member:
         """The start of the run, from states and modes of the whole."""
         self.dynamics.begin(t, Start(start.x[self.part.states], _NO_Z, ()), m[self.part.modes], flag)
 
-    def enter(self, task: Task) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
-        """The event at the start of a stretch of the whole; returns its causes and the changed variables."""
-        self._first = self.recorder.count
+    def enter(self, task: Task, whole: bool) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
+        """The event at the start of a stretch of the whole; returns its causes and the changed variables.
+
+        Compiled code goes on through the `whole` stretch at once: a call for each of hundreds of systems is saved.
+        """
+        self._first, before, self.ahead = self.recorder.count, len(self.recorder.boundaries), None
         if self._first:  # of the start of the run compiled code knows nothing
-            place = self._passed(task, Place(0, task.stretch.start, False, False), 1)
+            place = self._passed(task, Place(0, task.stretch.start, False, False), None if whole else 1)
             if place is not None:
-                self._boundary = len(self.recorder.boundaries)
-                return self.recorder.boundaries[-1][1:]
+                self._boundary, self.ahead = before + 1, place if whole else None
+                return self.recorder.boundaries[before][1:]
         self.dynamics.enter(task.stretch)
         self._boundary = len(self.recorder.boundaries)
         if isinstance(self.dynamics, Smooth):
@@ -95,11 +100,12 @@ class Member:
 
     def advance(self, task: Task, interrupted: Callable[[], None]) -> None:
         """Integrate from the last row to the end of the stretch that was entered, or of a part of it."""
-        if self.recorder.count > self._first + 1:
+        ahead, self.ahead = self.ahead, None
+        if ahead is None and self.recorder.count > self._first + 1:
             self._first, self._boundary = self.recorder.count - 1, len(self.recorder.boundaries)
         own = task.stretch
         begins = Place(0, own.start, True, True)
-        place = self._passed(task, begins) or begins
+        place = ahead or self._passed(task, begins) or begins
         if place.segment:
             return
         own, agenda = replace(own, opens=True), Agenda(task.schedule, (), self.span)
@@ -136,9 +142,10 @@ class Member:
         return Task(own, Schedule(instants, own.modes[None], both, own.times, ends, (own.longest,)))
 
     @property
-    def entered_modes(self) -> Vector:
-        """Its modes where the stretch was entered."""
-        return self.recorder.point(self._first)[3]
+    def entered(self) -> tuple[Vector, Vector]:
+        """States and modes where the stretch was entered."""
+        _, x, _, m = self.recorder.point(self._first)
+        return x, m
 
     def rows(self) -> Rows:
         """What it recorded in the last part of a stretch, from the row at its start on."""
@@ -259,7 +266,8 @@ class IndependentSystems:
         if self.one is None:
             try:
                 tasks = self._tasks(stretch)
-                happened = [member.enter(tasks[member.kind]) for member in self.members]
+                whole = not self._in_parts(stretch)
+                happened = [member.enter(tasks[member.kind], whole) for member in self.members]
             except (AcausalError, RuntimeError) as error:
                 self._join(stretch.start, error)
         if self.one is not None:
@@ -274,13 +282,16 @@ class IndependentSystems:
         changed = tuple(c for _, own in happened for c in own)
         m = self._m.copy()
         for member in self.members:
-            m[member.part.modes] = member.entered_modes
+            x, modes = member.entered
+            m[member.part.modes] = modes
+            if member.ahead is not None:  # what was gathered is of where it has come to
+                self._x[member.part.states], self._m[member.part.modes] = x, modes
         self.recorder.begin(stretch.start, self._x, _NO_Z, m, causes, changed)
 
     def advance(self, stretch: Stretch, place: Place) -> float | None:
         """Each system to the end of the stretch; in parts, after each of which progress is reported."""
-        few = self.report is None or len(stretch.times) < 2 * _PARTS
-        for times in [stretch.times] if few else np.array_split(stretch.times, _PARTS):
+        parts = np.array_split(stretch.times, _PARTS) if self._in_parts(stretch) else [stretch.times]
+        for times in parts:
             if self.one is None:
                 self._passed(replace(stretch, start=place.here, end=float(times[-1]), times=times))
             if self.one is not None:
@@ -291,6 +302,10 @@ class IndependentSystems:
             if self.report is not None:
                 self.report(place.here)
         return None
+
+    def _in_parts(self, stretch: Stretch) -> bool:
+        """Whether progress is reported on the way through a stretch."""
+        return self.report is not None and len(stretch.times) >= 2 * _PARTS
 
     def _tasks(self, stretch: Stretch) -> dict[tuple[bytes, ...], Task]:
         """The stretch by kinds of systems: equal ones share what is made of it."""
