@@ -73,8 +73,7 @@ def flatten(
     parameters
         Values by path, in SI; they replace values and bindings of the model.
     choices
-        Structure of each component that can have several, by path; without one a component has all contacts that are
-        possible at any time.
+        Structure of each component that can have several, by path; by default it has all contacts ever possible.
 
     Raises
     ------

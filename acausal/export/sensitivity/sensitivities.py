@@ -105,8 +105,7 @@ def sensitivities(
     Raises
     ------
     UsageError
-        AC020 for an unknown parameter or none at all, AC010 for an unknown output, AC025 for an unknown method, AC044
-        for `times` outside of the run.
+        AC020 for an unknown or no parameter, AC010 an unknown output, AC025 an unknown method, AC044 `times` outside.
     ExportError
         AC608 if states are reset together with an impulse; AC615 if a relation is only grazed, if the run rests on a
         kink with two derivatives, begins on a relation that acts, or jumps without an event, and if an event moves
@@ -132,8 +131,7 @@ def sensitivities(
     chain, result = chain_of(opts)
     refuse_missed(chain)
     refuse_two_sided(chain)
-    requested = np.asarray(times, dtype=float)
-    _check_times(requested, chain)
+    requested = _checked_times(times, chain)
     found, wrong, of_times = _derived(chain, method, requested)
     if (np.abs(wrong) > _SUSPECT * _APART * tolerance * (np.abs(found) + _least(chain))).any():
         looser, _ = chain_of(replace(opts, tolerance=_LOOSER * tolerance))
@@ -194,8 +192,9 @@ def _least(chain: Chain) -> Vector:
     return np.asarray(least + np.outer(np.abs(chain.values()), share))
 
 
-def _check_times(requested: Vector, chain: Chain) -> None:
-    """Raise UsageError AC044 for instants outside the run."""
+def _checked_times(times: Sequence[float] | Vector, chain: Chain) -> Vector:
+    """The instants, shape (times,); UsageError AC044 for some outside the run."""
+    requested = np.asarray(times, dtype=float)
     start, stop = chain.passages[0].time, chain.stop
     if len(requested) and not (start <= requested.min() and requested.max() <= stop):
         raise UsageError(
@@ -203,6 +202,7 @@ def _check_times(requested: Vector, chain: Chain) -> None:
             f"derivatives are asked for from {requested.min():g} to {requested.max():g} s, outside of the run",
             help=f"the run goes from {start:g} to {stop:g} s",
         )
+    return requested
 
 
 def _places_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
