@@ -113,8 +113,13 @@ def located_kinks(
 
 def _images(reduced: ReducedSystem, nodes: Sequence[int], done: dict[int, int]) -> list[int]:
     """Nodes with the constants of variables that a reduction folded; the original equations still have these."""
-    names = reduced.scalar
-    reduced.pool.rewrite(nodes, lambda v: reduced.image[names[v]] if v < len(names) else reduced.pool.var(v), done)
+
+    def image(v: int) -> int:
+        # derivatives, which the compiler has named or added, have no image
+        scalar = reduced.scalar[v] if v < len(reduced.scalar) else len(reduced.image)
+        return reduced.image[scalar] if scalar < len(reduced.image) else reduced.pool.var(v)
+
+    reduced.pool.rewrite(nodes, image, done)
     return [done[n] for n in nodes]
 
 

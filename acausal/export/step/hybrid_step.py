@@ -218,7 +218,8 @@ class HybridStep:
         held = [s.u, s.p, s.m]
         x, z, rough = self.method.step(s.t, self.h, s.x, s.z, held)
         error = self._error(s.t, self.h, s.x, s.z, x, z, held)
-        return ca.Function("whole", s.inputs, ca.cse([ca.densify(v) for v in (x, z, rough, error)]))
+        outputs: Any = ca.cse([ca.densify(v) for v in (x, z, rough, error)])
+        return ca.Function("whole", s.inputs, outputs)
 
     def _error(self, *step: Any) -> Any:
         return self.method.error(*step) if self.estimates else ca.SX(0)

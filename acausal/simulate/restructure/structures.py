@@ -87,8 +87,9 @@ def _told(value: object) -> object:
     """What a field of a flat system says; the written form of a statement follows from its place."""
     if isinstance(value, Mapping):
         return [(k, _told(v)) for k, v in value.items()]
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return [_told(v) for name, v in value._asdict().items() if name != "source"]
+    named = getattr(value, "_asdict", None) if isinstance(value, tuple) else None
+    if named is not None:
+        return [_told(v) for name, v in named().items() if name != "source"]
     return [_told(v) for v in value] if isinstance(value, tuple | list) else value
 
 
