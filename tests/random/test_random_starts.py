@@ -24,7 +24,7 @@ from tests.marks import slow_but
 from tests.random.start_models import SIGNALS, circuit, pendulum, pendulum_point, random_circuit
 
 Vector = NDArray[np.float64]
-SEEDS = range(*map(int, os.environ.get("ACAUSAL_SEEDS", "0:100").split(":")))
+SEEDS = range(*map(int, os.environ.get("ACAUSAL_SEEDS", "0:60").split(":")))
 
 
 def started(model: Component | CompiledModel, names: Sequence[str], **start: float) -> Vector:
