@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Expr, Real, der, fixed, lookup, variable
+from acausal import Component, Equations, Expr, Real, der, exp, fixed, lookup, time, unitless, variable
 from acausal.errors import DeclarationError
 from acausal.library.blocks import table
 
@@ -58,6 +58,24 @@ def test_the_slope_of_a_long_table(solver: str) -> None:
     exact = float(slopes**2 @ np.diff(PLACES**2)) / 2
     model = squared_slope(list(zip(PLACES.tolist(), VALUES.tolist(), strict=True)))
     result = acausal.simulate(model, solver=solver, stop_time=END, tolerance=1e-9)
+    assert result.final("w") == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+def test_the_slope_of_a_long_table_of_a_curve_in_time(solver: str) -> None:
+    """The argument is exp(-t) without any state: no stop is known before the run."""
+    points = list(zip(PLACES.tolist(), VALUES.tolist(), strict=True))
+
+    class Timed(Component):
+        w: Real = variable(default=fixed(0.0))
+        y: Real = variable()
+
+        def equations(self) -> Equations:
+            yield self.y == table(points, exp(-unitless(time)))
+            yield der(self.w) == der(self.y) ** 2
+
+    exact = float((np.diff(VALUES) / np.diff(PLACES)) ** 2 @ np.diff(PLACES**2)) / 2
+    result = acausal.simulate(Timed(), solver=solver, stop_time=END, tolerance=1e-9)
     assert result.final("w") == pytest.approx(exact, rel=1e-6)
 
 

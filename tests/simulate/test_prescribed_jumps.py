@@ -21,6 +21,7 @@ from acausal import (
     lookup,
     maximum,
     sign,
+    sin,
     time,
     unitless,
     variable,
@@ -125,6 +126,23 @@ LAWS: dict[str, tuple[Callable[[Expr], Expr], bool]] = {
     "sign that meets": (lambda x: sign(x - 0.77) * (x - 0.77), True),
     "maximum": (lambda x: maximum(x, 0.3 + fabs(x - 1.0)), True),
 }
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_a_jump_at_an_instant_that_is_found_in_the_run(solver: str) -> None:
+    """sin(3 t) passes 1/2 at pi/18."""
+
+    class Switched(Component):
+        w: Real = variable(default=fixed(0.0))
+        q: Real = variable()
+
+        def equations(self) -> Equations:
+            yield self.q == where(sin(3.0 * unitless(time)) > 0.5, 2.0 * unitless(time), unitless(time))
+            yield der(self.w) == der(self.q)
+
+    with pytest.raises(AcausalError, match=r"jumps at t = 0\.17453292") as error:
+        acausal.simulate(Switched(), stop_time=1.0, solver=solver)
+    assert error.value.code == "AC039"
 
 
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])

@@ -22,9 +22,9 @@ _CONSTANT = frozenset(("floor", "ceil", "sign", "pre", "sample", "initial", "ter
 
 
 def jumping_table(pool: Pool, number: int, definitions: Mapping[int, int]) -> Lookup | None:
-    """The table that a node reads, if it jumps and its argument moves with variables between events; None otherwise.
+    """The table that a node reads, if it jumps and its argument moves between events; None otherwise.
 
-    Tables of time are left out: runs stop at their segments, or bound their steps by them, without an event
+    Tables of time, affine in it, are left out: runs stop at their segments, or bound their steps by them, without event
     (`acausal.simulate.equations.kinks`), and a measured speed has thousands of rows. `definitions` maps variables to
     nodes.
     """
@@ -42,7 +42,7 @@ def _moves(pool: Pool, root: int) -> bool:
     while stack:
         number = stack.pop()
         op, *operands = pool.nodes[number]
-        if op == "var":
+        if op in ("var", "time"):
             return True
         if number not in seen and op not in LEAVES and op not in _CONSTANT:
             seen.add(number)

@@ -35,6 +35,8 @@ from acausal.simulate.solvers.segment import Tolerances
 # Two branches meet to this share of their size; those of variables, which meet where a guard was located, to so many
 # tolerances, or to this.
 _MEETING, _MANY, _LEAST = 1e-9, 100.0, 1e-6
+_NO_IMPULSE = "what follows it would need an impulse, which is not computed"
+_PRESCRIBE = "prescribe it through a filter (FirstOrder, SecondOrder) or a ramp, or drive it by a force"
 # An integer that passes through a solver comes back with its rounding.
 WHOLE = 1e-6
 
@@ -64,8 +66,8 @@ def refuse_jumps(
                 "AC039",
                 f"{compiled.name}: a prescribed motion jumps at t = {t:.9g} s, from {before[j]:.6g} to {after[j]:.6g}",
                 evidence=[f"the derivative is needed of {text}"],
-                cause="what follows it would need an impulse, which is not computed",
-                help="prescribe it through a filter (FirstOrder, SecondOrder) or a ramp, or drive it by a force",
+                cause=_NO_IMPULSE,
+                help=_PRESCRIBE,
             )
 
 
@@ -110,7 +112,10 @@ def refuse_leaps(recorder: Recorder, tolerances: Tolerances) -> None:
 
 
 def corners(recorder: Recorder) -> tuple[str, ...]:
-    """The note on rates of prescribed motions that jump in a run and are differentiated: impulses that no row shows."""
+    """The note on rates of prescribed motions that jump in a run and are differentiated: impulses that no row shows.
+
+    Raises UsageError: AC039 for what jumps and is no rate itself, at an instant that only the run has found.
+    """
     led = _led(recorder.compiled, prescribed=True)
     times = recorder.rows()[0] if led else np.zeros(0)
     after = np.flatnonzero(np.diff(times) == 0.0) + 1
@@ -123,12 +128,27 @@ def corners(recorder: Recorder) -> tuple[str, ...]:
     if not rows.size:
         return ()
     j = int(np.argmax(far[rows[0]]))
+    _refuse_jump(recorder.compiled, led[j][1], float(times[after[rows[0]]]), before[rows[0], j], behind[rows[0], j])
     count = len(np.unique(times[after[rows]]))
     more = f" and at {count - 1} more" if count > 1 else ""
     return (
         f"{led[j][1]} is prescribed and jumps from {before[rows[0], j]:.6g} to {behind[rows[0], j]:.6g} at "
         f"t = {times[after[rows[0]]]:.9g} s{more}: what moves with it takes an impulse there that no force shows; "
         "a filter (SecondOrder) rounds such corners off",
+    )
+
+
+def _refuse_jump(compiled: CompiledModel, name: str, t: float, before: float, behind: float) -> None:
+    """AC039 for a prescribed variable that has jumped, unless it is the rate of another: that motion has a corner."""
+    reduced = compiled.solution.structure.reduced
+    if any(reduced.name(v) == name for v in reduced.pool.integral_of):
+        return
+    raise UsageError(
+        "AC039",
+        f"{compiled.name}: a prescribed motion jumps at t = {t:.9g} s, from {before:.6g} to {behind:.6g}",
+        evidence=[f"the derivative is needed of {name}"],
+        cause=_NO_IMPULSE,
+        help=_PRESCRIBE,
     )
 
 
