@@ -24,8 +24,8 @@ _CONSTANT = frozenset(("floor", "ceil", "sign", "pre", "sample", "initial", "ter
 def jumping_table(pool: Pool, number: int, definitions: Mapping[int, int]) -> Lookup | None:
     """The table that a node reads, if it jumps and its argument moves between events; None otherwise.
 
-    Tables of time, affine in it, are left out: runs stop at their segments, or bound their steps by them, without event
-    (`acausal.simulate.equations.kinks`), and a measured speed has thousands of rows. `definitions` maps variables to
+    Tables of time itself are left out: runs stop at their segments, or bound their steps by them, and make no event
+    (`acausal.simulate.equations.kinks`), as a measured speed has thousands of rows. `definitions` maps variables to
     nodes.
     """
     op, *operands = pool.nodes[number]

@@ -112,37 +112,38 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
                 help="use it in a `when`, or keep the value in a discrete(): "
                 "yield when(condition, reset(self.held, x))",
             )
-        if e.op == "der" and (still := _piecewise_constant(e.args[0])) is not None:
-            kind = "discrete" if still.declaration.discrete else f"a {still.declaration.kind.value}"
+        if e.op == "der" and (wrong := _no_derivative(e.args[0])) is not None:
+            what, cause, remedy = wrong
             raise DeclarationError(
-                "AC144",
-                f"`{e}`: `{still}` is {kind} and has no derivative",
-                where=(origin.span(),),
-                evidence=[str(equation)],
-                cause="it keeps its value between events" if still.declaration.discrete else "it is constant in a run",
-                help=f"declare what changes in time by variable(): {still.name}: Real = variable(...)",
-            )
-        if e.op == "der" and (jump := _jump(e.args[0])) is not None:
-            raise DeclarationError(
-                "AC144",
-                f"`{e}`: `{jump}` jumps and has no derivative",
-                where=(origin.span(),),
-                evidence=[str(equation)],
-                cause="between its jumps the derivative is zero, at them it is infinite: the integral would be lost",
-                help="leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)",
-            )
-        if e.op == "der" and (part := _switching(e.args[0])) is not None:
-            raise DeclarationError(
-                "AC144",
-                f"`{e}`: `{part}` switches, and the expression around it has no name",
-                where=(origin.span(),),
-                evidence=[str(equation)],
-                cause="where it jumps the derivative is an impulse, which a run looks for in variables only",
-                help="declare a variable for it: yield self.q == ..., and der(self.q)",
+                "AC144", f"`{e}`: {what}", where=(origin.span(),), evidence=[str(equation)], cause=cause, help=remedy
             )
         if id(e) not in seen:
             seen.add(id(e))
             stack.extend(e.args)
+
+
+def _no_derivative(e: Expr) -> tuple[str, str, str] | None:
+    """Why an expression is not to be differentiated: what is wrong, its cause and the remedy; None if it may be."""
+    if (still := _piecewise_constant(e)) is not None:
+        kind = "discrete" if still.declaration.discrete else f"a {still.declaration.kind.value}"
+        return (
+            f"`{still}` is {kind} and has no derivative",
+            "it keeps its value between events" if still.declaration.discrete else "it is constant in a run",
+            f"declare what changes in time by variable(): {still.name}: Real = variable(...)",
+        )
+    if (jump := _jump(e)) is not None:
+        return (
+            f"`{jump}` jumps and has no derivative",
+            "between its jumps the derivative is zero, at them it is infinite: the integral would be lost",
+            "leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)",
+        )
+    if (part := _switching(e)) is not None:
+        return (
+            f"`{part}` switches, and the expression around it has no name",
+            "where it jumps the derivative is an impulse, which a run looks for in variables only",
+            "declare a variable for it: yield self.q == ..., and der(self.q)",
+        )
+    return None
 
 
 def _jump(e: Expr) -> Expr | None:
