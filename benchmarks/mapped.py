@@ -192,7 +192,7 @@ def main() -> None:
             print(f"ladder {n} by hand")
             evaluated(prototype(n), given.repetitions)
         return
-    sizes = QUICK if given.buffered else SIZES
+    sizes = QUICK if given.quick else SIZES
     cases = [(f, n) for f, all_n in sizes.items() for n in all_n] if given.case is None else [given.case]
     with tempfile.TemporaryDirectory() as folder:
         os.environ["ACAUSAL_CACHE"] = folder

@@ -228,7 +228,7 @@ def main() -> None:
 
     record: dict[str, Any] = {}
     for family in given.only:
-        for n in (QUICK if given.buffered else SIZES)[family]:
+        for n in (QUICK if given.quick else SIZES)[family]:
             command = [sys.executable, __file__, "--case", family, str(n), "--repetitions", str(given.repetitions)]
             answer = subprocess.run(command, capture_output=True, text=True, check=True).stdout
             record[f"{family} {n}"] = json.loads(answer)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -21,6 +20,7 @@ from acausal.lower.subsystems.split import Subsystem, subsystems
 from acausal.lower.variants.watched import UNWATCHED, UNWATCHED_STEPS, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result.result import Result
+from acausal.simulate.clock import seconds
 from acausal.simulate.delay.memory import Memory, check_undelayed
 from acausal.simulate.delay.start import begin, opened
 from acausal.simulate.driver.agenda import Agenda, Schedule, Source, known_instants, schedule
@@ -166,7 +166,7 @@ class Run:
         self.tables = self._tables()
         bends = self.solver.multistep and self.tables.are_dense
         self.tolerances = opts.tolerances.scaled(share_of(self.compiled, self.solver, opts.tolerance, bends))
-        began = clock.perf_counter()
+        began = seconds()
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
         refuse_jumps(self.compiled, instants.tolist(), self.modes, self.p)
@@ -176,13 +176,13 @@ class Run:
         start = replace(start, notes=(*start.notes, *doubts, *notes))
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
-        self.timings["initialize"] = clock.perf_counter() - began
+        self.timings["initialize"] = seconds() - began
         self.stabilise(start, m)
         recorder = self.recorder = Recorder(self.compiled, self.p, self.u, self.most_moved())
         limit = StepLimit(self.problem, self.solver.name, opts, self.force)
         limit.check_start(opts.start_time, start.x, start.z, m)
         driver = self.driver(recorder, instants, start, m, memory)
-        began = clock.perf_counter()
+        began = seconds()
         try:
             with self.interrupt:
                 flag = "initial" if self.opening else None
@@ -202,7 +202,7 @@ class Run:
                 limit.check_run(recorder, error.result)
             raise
         finally:
-            self.timings["integrate"] = clock.perf_counter() - began
+            self.timings["integrate"] = seconds() - began
         long = memory is None and self.independent is None and recorder.counters.get("steps", 0.0) >= MANY
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
         controlled = not self.solver.fixed_step and opts.step is None

@@ -18,7 +18,6 @@ A segment is a stretch of time without events: the right-hand side is smooth in 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -28,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
+from acausal.simulate.clock import seconds
 from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import time_ends
@@ -167,7 +167,7 @@ class CasadiSolver:
         if segment.shares is not None:
             dae = equations.stretched(dae) if library is None else dae
             settings, grid = in_shares(segment, settings), UNIT * segment.shares
-        order, began = Factorisation(), time.perf_counter()
+        order, began = Factorisation(), seconds()
         if self.multistep:
             # what is compiled is small, and a wrapped library has no derivatives; a rootfinder's are not sparse
             if library is None and (self.algebraic or not problem.compiled.algebraic):
@@ -175,7 +175,7 @@ class CasadiSolver:
             settings, (x0, z0) = order.settings(settings), order.there(x0, z0)
         may, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
         integrator = equations.integrator(self.plugin, dae, grid, settings, native=may, by_columns=may and by_columns)
-        making = time.perf_counter() - began
+        making = seconds() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         if segment.shares is not None:
             arguments["p"] = np.append(arguments["p"], segment.length)

@@ -6,14 +6,12 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
 from typing import Any
 
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
-from acausal.simulate import run
+from acausal.simulate.clock import CLOCK
 from acausal.simulate.run import simulate
-from acausal.simulate.solvers import base
 from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory, sampled
 from acausal.study.bench.case import ONLY_FIXED, Case
 from acausal.study.bench.isolated import Outcome, isolated
@@ -113,9 +111,7 @@ def processor_clock() -> None:
 
     Solvers run in one thread and wait for nothing else, so this is the elapsed time on an idle machine.
     """
-    busy = SimpleNamespace(perf_counter=time.process_time)
-    for module, name in ((run, "clock"), (base, "time")):
-        setattr(module, name, busy)
+    CLOCK.set(time.process_time)
 
 
 def _measured(task: Task, case: Case, result: Result, points: int, first_time: float) -> Measured:

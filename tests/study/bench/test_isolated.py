@@ -9,8 +9,12 @@ from collections.abc import Iterator
 
 import pytest
 
+import acausal
 from acausal.errors import IntegrationError
+from acausal.models.oscillator import Oscillator
+from acausal.study.bench.case import Case
 from acausal.study.bench.isolated import isolated
+from acausal.study.bench.measure import Task, measured
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 
@@ -59,3 +63,16 @@ def test_a_crash_is_a_failure_of_the_child_only() -> None:
         yield 1
 
     assert isolated(work, 10.0).failure == "the process died (SIGKILL)"
+
+
+def test_a_run_that_waits_takes_no_processor_time() -> None:
+    """Others on the machine make a run wait, and so does sleep: neither is time of the solver."""
+    asleep = 0.1
+
+    def wait(done: float, t: float) -> None:
+        time.sleep(asleep)
+
+    task = Task(acausal.compile(Oscillator()), ("mass.s",), 1.0, {"stop_time": 1.0, "progress": wait})
+    found = measured(task, Case("erk", "torn", tolerance=1e-6), 1, 60.0)
+    assert found.value is not None, found.failure
+    assert found.value.solve_time < asleep
