@@ -336,7 +336,7 @@ class _Aliases:
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
         old.retire()  # here compilation needs most memory
-        done = _translate(old, pool, reachable, {v: pool.var(n) for v, n in number.items()})
+        done = _translate(old, pool, reachable, dict(zip(number, pool.vars(number.values()), strict=True)))
         for node, slope in slopes_old:
             if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
                 pool._slopes[done[node]] = done[slope]
@@ -364,13 +364,13 @@ class _Aliases:
     def _scalar_images(self) -> list[int]:
         """Nodes of all flat scalars, in the old pool."""
         pool, constant, definition = self.pool, self.constant, self.definition
-        images = []
-        for k, (r, sign) in enumerate(zip(self.representative, self.sign, strict=True)):
+        images = list(pool.vars(self.representative[: self.flat.n_scalars]))
+        for k, (r, node) in enumerate(zip(self.representative, images, strict=False)):
             if r in constant or r in definition:
-                images.append(self.leaf(k))
-            else:
-                images.append(pool.var(r) if sign > 0 else pool.neg(pool.var(r)))
-        return images[: self.flat.n_scalars]
+                images[k] = self.leaf(k)
+            elif self.sign[k] < 0:
+                images[k] = pool.neg(node)
+        return images
 
     def _slopes(self) -> list[tuple[int, int]]:
         """Known derivatives of substituted definitions: (node, node of its derivative)."""

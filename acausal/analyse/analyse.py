@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterable, Sequence, Set
 from dataclasses import dataclass, replace
 from math import comb
 
@@ -65,6 +65,11 @@ class Structure:
     def derivative(self, state: int) -> int:
         """The variable that is the rate of a state."""
         return self.reduced.pool.derivative_of[state]
+
+    def rates(self, states: Iterable[int]) -> tuple[int, ...]:
+        """Nodes of the rates of states."""
+        pool = self.reduced.pool
+        return pool.vars([pool.derivative_of[x] for x in states])
 
     def flat_equation(self, equation: int) -> int:
         """Index of the flat equation that an equation equals or was differentiated from."""
@@ -194,6 +199,7 @@ class _System:
     def __init__(self, reduced: ReducedSystem) -> None:
         self.reduced = reduced
         self.pool = reduced.pool
+        self.derivative_of = reduced.pool.derivative_of
         self.residuals = list(reduced.residuals)
         self.source = list(reduced.equation)  # flat equation that each residual comes from
         self.level = [0] * len(self.residuals)  # how often it was differentiated
@@ -210,9 +216,6 @@ class _System:
             self._rows[equation] = row
         return row
 
-    def derivative(self, variable: int) -> int | None:
-        return self.pool.derivative_of.get(variable)
-
     def differentiate_variable(self, variable: int) -> int:
         return self.pool.derivative(variable)
 
@@ -227,7 +230,7 @@ class _System:
 
     def hidden(self, equation: int, differentiated: int) -> list[int]:
         """Derivatives of variables of an equation that known rates keep out of the differentiated equation."""
-        rates = map(self.derivative, self.incidence(equation))
+        rates = map(self.derivative_of.get, self.incidence(equation))
         shown = set(self.incidence(differentiated))
         return [v for v in rates if v is not None and v not in shown]
 

@@ -108,7 +108,7 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
                         nodes += solution.residuals
                     else:
                         states.add(rest[0])
-            nodes = [pool.var(structure.derivative(x)) for x in sorted(states) if x in structure.states]
+            nodes = [*structure.rates(sorted(states.intersection(structure.states)))]
             level += 1
     return integrations
 

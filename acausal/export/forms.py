@@ -97,8 +97,8 @@ def _refuse_events(compiled: CompiledModel, form: Form, outputs: Sequence[Output
         return []
     first = len(compiled.states) - compiled.discretes
     structure = compiled.solution.structure
-    pool, image = structure.reduced.pool, structure.reduced.image
-    rates = [pool.var(structure.derivative(v)) for v in compiled.state_variables[:first]]
+    image = structure.reduced.image
+    rates = structure.rates(compiled.state_variables[:first])
     inside = _discrete(compiled, [*rates, *compiled.solution.residuals])
     shown = _discrete(compiled, [image[output.scalar] for output in outputs])
     lost = [(act, k) for act, at in actions for k in at if k < first or k in inside | shown]

@@ -83,8 +83,8 @@ def flatten(
     overrides, (found, added) = dict(parameters or {}), placed(model, choices)
     check_overrides(overrides, found)
     number_of = numbers(found)
-    composites = {i.number: list(statements(i.component)) for i in found if not i.is_leaf}
-    leaves = _LeafStatements(found)
+    composites = {i.number: statements(i.component) for i in found if not i.is_leaf}
+    leaves = _LeafStatements([i for i in found if i.number not in composites])
     connected = _connections({**composites, **leaves.connecting()})
     physical, signals = joints(connected, number_of)
     check_signals(found, signals)
@@ -136,7 +136,7 @@ def flatten(
         notes=(*added, *_cuts(found, cuts), *idle_components(pool, found, junctions, equations)),
     )
     check_values(flat, flat.parameter_values)
-    refuse_unstated(i.component for i in found)
+    refuse_unstated([i.component for i in found])
     # what one structure of many does not hear, another may
     return flat if choices else replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
 
@@ -158,8 +158,8 @@ def _cuts(found: Sequence[Instance], cut: Sequence[Joint]) -> list[str]:
 class _LeafStatements:
     """Statements of leaf components, generated once per template, after the roles of frames are known."""
 
-    def __init__(self, found: Sequence[Instance]) -> None:
-        self.leaves = [i for i in found if i.is_leaf and hasattr(type(i.component), "equations")]
+    def __init__(self, leaves: Sequence[Instance]) -> None:
+        self.leaves = [i for i in leaves if hasattr(type(i.component), "equations")]
         self._early: dict[int, list[Statement]] = {}
         self._keys: dict[int, object] = {}
         self._with_connections: set[type[Component]] = set()
@@ -173,7 +173,7 @@ class _LeafStatements:
                 continue
             key = self._keys[leaf.number] = template_key(leaf)
             if key is None or checked.get(key, True):
-                items = list(statements(leaf.component))
+                items = statements(leaf.component)
                 connects = any(isinstance(item, Connection) for item, _ in items)
                 if key is not None:
                     checked[key] = connects
@@ -189,7 +189,7 @@ class _LeafStatements:
         early = self._early.get(leaf.number)
         if early is not None:
             return early
-        items = list(statements(leaf.component))
+        items = statements(leaf.component)
         for item, origin in items:
             if isinstance(item, Connection) and hasattr(type(leaf.component), "ties"):
                 raise DeclarationError(
@@ -235,7 +235,7 @@ class _Builder:
         size = 1
         for n in symbol.shape:
             size *= n
-        return tuple(self.pool.var(first + k) for k in range(size))
+        return self.pool.vars(range(first, first + size))
 
     def all(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
         """Equations of a component without a template; collects its clauses, discrete equations and assertions."""
@@ -318,7 +318,7 @@ class _Builder:
             a, b = self.found[joint.a], self.found[joint.b]
             method = type(a.component).residuals  # type: ignore[attr-defined]
             items = run(a.component, type(a.component).__name__, "residuals", method, b.component)
-            for item, _ in list(items):
+            for item, _ in items:
                 for left, right in sides(self.pool, item, self.resolve, {}):
                     equations.append(FlatEquation(left, right, joint.origin, self.found[joint.by].path, item))
         return equations
@@ -404,7 +404,7 @@ class _Builder:
             equation
             for instance in self.found
             if hasattr(type(instance.component), "initial_equations")
-            for equation in self.direct(instance, list(statements(instance.component, "initial_equations")))
+            for equation in self.direct(instance, statements(instance.component, "initial_equations"))
         ]
 
     def starts(self) -> tuple[dict[int, FlatStart], list[FlatEquation]]:

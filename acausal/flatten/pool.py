@@ -115,6 +115,10 @@ class Pool:
     def var(self, index: int) -> int:
         return self.intern(("var", index))
 
+    def vars(self, variables: Iterable[int]) -> tuple[int, ...]:
+        """Nodes of several variables."""
+        return tuple([self.intern(("var", v)) for v in variables])
+
     def par(self, index: int) -> int:
         return self.intern(("par", index))
 

@@ -4,18 +4,16 @@
 Each statement therefore enters the ledger of the running method when it is made, and leaves it when it is yielded or
 becomes part of another one; an error is raised for those left at the end.
 
-The place of a statement is read from the frame of the generator that yields it, also through `yield from`. It is stored
-as `(code, lasti)`, two words; line and columns are looked up only for a message.
+A place is stored as `(code, lasti)`, two words; line and columns are looked up only for a message.
 """
 
 from __future__ import annotations
 
 import ast
-import dis
 import inspect
 import sys
 import textwrap
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -24,8 +22,6 @@ from types import CodeType, FrameType
 from typing import Any
 
 from acausal.errors import DeclarationError, Span
-
-_COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVERT"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,21 +58,11 @@ class Origin:
         )
 
 
-def origin_of(generator: Generator[Any, Any, Any]) -> Origin:
-    """The place of the statement that `generator`, just resumed, has yielded from."""
-    inner: Any = generator
-    while getattr(inner.gi_yieldfrom, "gi_frame", None) is not None:
-        inner = inner.gi_yieldfrom
-    frame = inner.gi_frame
-    return Origin(frame.f_code, frame.f_lasti)
-
-
 Ledger = dict[int, tuple[object, Origin]]
 """(Statement, place) by `id`; holding the statements keeps their ids unique."""
 
-# Ledger of the running method. A context variable rather than a module variable, so that models can be made in several
-# threads at a time.
-_ledger: ContextVar[Ledger | None] = ContextVar("statements", default=None)
+# The ledger of the running method; a context variable, so that models can be made in several threads at a time.
+RECORDING: ContextVar[Ledger | None] = ContextVar("statements", default=None)
 
 
 class Statement:
@@ -87,7 +73,7 @@ class Statement:
 
 def made(item: object) -> None:
     """Enter a statement, or an action of a `when`, in the ledger of the running method."""
-    ledger = _ledger.get()
+    ledger = RECORDING.get()
     if ledger is not None:
         frame: FrameType | None = sys._getframe(2)
         while frame is not None and frame.f_globals.get("__name__", "").startswith("acausal.language."):
@@ -98,12 +84,12 @@ def made(item: object) -> None:
 
 def is_recording() -> bool:
     """Whether a method runs whose statements are recorded; outside of one nobody would hear a statement."""
-    return _ledger.get() is not None
+    return RECORDING.get() is not None
 
 
 def used(items: Iterable[object]) -> None:
     """Remove items from the ledger that have become part of another statement."""
-    ledger = _ledger.get()
+    ledger = RECORDING.get()
     if ledger is not None:
         for item in items:
             ledger.pop(id(item), None)
@@ -112,25 +98,11 @@ def used(items: Iterable[object]) -> None:
 @contextmanager
 def recorded(ledger: Ledger) -> Iterator[None]:
     """Record the statements made inside the block in `ledger`."""
-    token = _ledger.set(ledger)
+    token = RECORDING.set(ledger)
     try:
         yield
     finally:
-        _ledger.reset(token)
-
-
-def stepped(generator: Iterator[Any], ledger: Ledger) -> Iterator[Any]:
-    """Iterate over a generator; statements that it makes without yielding them stay in the ledger."""
-    while True:
-        token = _ledger.set(ledger)
-        try:
-            item = next(generator)
-        except StopIteration:
-            return
-        finally:
-            _ledger.reset(token)
-        ledger.pop(id(item), None)
-        yield item
+        RECORDING.reset(token)
 
 
 def refuse_lost(where: str, ledger: Ledger) -> None:
@@ -168,31 +140,6 @@ def refuse_unheard(cls: type, where: str, function: Callable[..., Any]) -> None:
             cause="a generator that nobody asks states nothing",
             help=f"yield from {text}",
         )
-
-
-def refuse_idle(where: str, function: Callable[..., Any]) -> None:
-    """Refuse a sum, a product or a relation alone on a line: `der(x) + x` without `== 0` (AC186)."""
-    code = getattr(function, "__code__", None)
-    line = _idle(code) if code is not None else None
-    if code is not None and line is not None:
-        raise DeclarationError(
-            "AC186",
-            f"{where} computes an expression that reaches nothing",
-            where=(Span(code.co_filename, line),),
-            cause="an expression alone on a line is no equation: the model knows only what is yielded",
-            help="yield an equation: yield left == right",
-        )
-
-
-@cache
-def _idle(code: CodeType) -> int | None:
-    """First line whose value is computed and discarded; equations are excluded, which the ledger finds."""
-    before = None
-    for step in dis.get_instructions(code):
-        if step.opname == "POP_TOP" and before is not None and before.opname in _COMPUTES and before.argrepr != "==":
-            return before.positions.lineno if before.positions else code.co_firstlineno
-        before = step
-    return None
 
 
 def _yields(cls: type, function: Callable[..., Any], name: str) -> bool:

@@ -85,7 +85,7 @@ class Builder:
 
     def know(self, variables: Sequence[int], values: Any) -> None:
         """Let variables be the entries of a column from now on."""
-        self.learn([self.pool.var(v) for v in variables], values)
+        self.learn(self.pool.vars(variables), values)
 
     def learn(self, nodes: Sequence[int], values: Any) -> None:
         """Let any nodes be the entries of a column from now on."""

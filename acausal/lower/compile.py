@@ -29,6 +29,7 @@ from acausal.collector import collector_paused
 from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
+from acausal.flatten.instances.instances import changing
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.build import Builder, Symbols
@@ -38,7 +39,7 @@ from acausal.lower.events.functions import just_after
 from acausal.lower.events.impulses import impulses_of
 from acausal.lower.lowered import Recipe
 from acausal.numeric.samples import Visited
-from acausal.reduce.confine import changing, confined
+from acausal.reduce.confine import confined
 from acausal.reduce.freeze import freeze as fold_parameters
 from acausal.reduce.select import Left, select
 
@@ -113,16 +114,19 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
     freeze, quasi_static = recipe.freeze, recipe.quasi_static
     clock = _Clock()
 
+    def flattened(chosen: Mapping[str, Choice] | None) -> FlatSystem:
+        flat = flatten(model, parameters, chosen)
+        return fold_parameters(flat, freeze) if freeze else flat
+
     def needed(poses: Sequence[str], chosen: Mapping[str, Choice]) -> Solution:
-        flat = fold_parameters(flatten(model, parameters, chosen), freeze)
-        return select(solved(flat, formulation), poses, (), formulation)[0]
+        return select(solved(flattened(chosen), formulation), poses, (), formulation)[0]
 
     with collector_paused():
         confined_parts: tuple[Left, ...] = ()
         if outputs is not None and choices is None:
             choices, confined_parts = confined(model, needed)
             clock.lap("confine")
-        flat = fold_parameters(flatten(model, parameters, choices), freeze)
+        flat = flattened(choices)
         clock.lap("flatten")
         is_reduced_model = outputs is not None or bool(freeze) or bool(quasi_static)
         if is_reduced_model:
@@ -231,11 +235,10 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), kinks_to_locate: Loc
 def with_functions(shell: CompiledModel) -> CompiledModel:
     """Complete a model with its right-hand side, its modes of time, and the instants at which these change."""
     solution = shell.solution
-    pool = solution.structure.reduced.pool
     symbols = Symbols(shell)
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
-    ode = builder.column([pool.var(solution.structure.derivative(x)) for x in shell.state_variables])
+    ode = builder.column(solution.structure.rates(shell.state_variables))
     alg = builder.lower([builder.replaced(r) for r in solution.residuals])
     names = ["t", "x", "z", "u", "p", "m"]
     rhs = ca.Function("rhs", symbols.inputs, [ode, _column(alg)], names, ["ode", "alg"])

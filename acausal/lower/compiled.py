@@ -11,13 +11,14 @@ import casadi as ca
 
 from acausal.analyse.blocks.solve import opened
 from acausal.analyse.delays import PADE, refuse_delays
+from acausal.flatten.instances.instances import changing
 from acausal.lower.build import Builder, Symbols
 from acausal.lower.casadi_model import CasadiModel
 from acausal.lower.columns.mapped import Mapped, mapped
 from acausal.lower.events.functions import EventFunctions, just_after
 from acausal.lower.lowered import Lowered
 from acausal.providers import provided
-from acausal.reduce.confine import changing, refuse_unsteady
+from acausal.reduce.confine import refuse_unsteady
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
 
@@ -88,7 +89,7 @@ class CompiledModel(Lowered):
     def blended(self) -> Any:
         """`rhs` for modes between 0 and 1: `where` is then a weighted mean of its two values (sliding modes)."""
         structure = self.solution.structure
-        ode = [structure.reduced.pool.var(structure.derivative(x)) for x in self.state_variables]
+        ode = structure.rates(self.state_variables)
         return self._of_nodes("blended", blend=True, ode=ode, alg=self.solution.residuals)
 
     def _of_nodes(self, name: str, blend: bool = False, **outputs: Sequence[int]) -> Any:
@@ -110,8 +111,7 @@ class CompiledModel(Lowered):
         solution, symbols = shell.solution, Symbols(shell)
         builder = symbols.builder(shell)
         builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
-        pool = solution.structure.reduced.pool
-        ode = builder.column([pool.var(solution.structure.derivative(x)) for x in shell.state_variables])
+        ode = builder.column(solution.structure.rates(shell.state_variables))
         alg = builder.lower([builder.replaced(r) for r in solution.residuals])
         return replace(shell, rhs=ca.Function("rhs", symbols.inputs, [ode, _column(alg)], _INPUTS, ["ode", "alg"]))
 

@@ -150,10 +150,8 @@ class Lowered:
         """Nodes whose trajectories a result stores: states, algebraic variables, inputs, then observed variables."""
         reduced = self.solution.structure.reduced
         pool = reduced.pool
-        found: dict[int, None] = {}
         order = [*self.state_variables, *self.solution.algebraic, *reduced.inputs]
-        for v in [*order, *(v for v, _ in self.solution.definitions)]:
-            found[pool.var(v)] = None
+        found = dict.fromkeys(pool.vars([*order, *(v for v, _ in self.solution.definitions)]))
         for scalar, node in enumerate(reduced.image):
             op, *rest = pool.nodes[node]
             if op == "neg":

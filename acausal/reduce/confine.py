@@ -18,7 +18,7 @@ import numpy as np
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import UsageError
 from acausal.flatten.instances.instances import components
-from acausal.language.choices import Changing, Choice, is_changing
+from acausal.language.choices import Choice, is_changing
 from acausal.language.component import Component
 from acausal.reduce.motionless import bounds
 from acausal.reduce.outputs import output_scalars
@@ -27,11 +27,6 @@ from acausal.reduce.select import Left
 CONTACT = "contact"
 Solved = Callable[[Sequence[str], Mapping[str, Choice]], Solution]
 """The equations that some signals need, for the model with these choices."""
-
-
-def changing(model: Component) -> dict[str, Changing]:
-    """Components whose structure changes during a run, by path."""
-    return {path: c for path, c in components(model) if is_changing(c) and c.is_variable()}
 
 
 def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Left, ...]]:

@@ -298,7 +298,7 @@ def _one_sided(
         return None
     s, y = Symbols(compiled), ca.SX.sym("y", len(unknowns))
     builder = s.defined(compiled)
-    values = builder.column([reduced.pool.var(v) for v in unknowns])
+    values = builder.column(reduced.pool.vars(unknowns))
     open_ = s.builder(compiled)
     open_.define([], compiled.rewritten)
     open_.know(unknowns, y)

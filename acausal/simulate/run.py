@@ -9,6 +9,7 @@ from typing import Any
 
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
+from acausal.flatten.instances.instances import changing
 from acausal.flatten.unheard import unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component
@@ -18,7 +19,6 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
 from acausal.lower.variants.started import discrete_starts, with_driven, with_starts
 from acausal.providers import provided
-from acausal.reduce.confine import changing
 from acausal.result.result import Result
 from acausal.simulate.driver.agenda import Source
 from acausal.simulate.driver.run import Progress, Run

@@ -8,7 +8,7 @@ one has a perfect matching (theorem 5.1 there): the caller checks that first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from acausal.structure.graph import Incidence
@@ -18,16 +18,17 @@ from acausal.structure.matching import match
 class Differentiable(Protocol):
     """What the algorithm needs of the equations."""
 
+    @property
+    def derivative_of(self) -> Mapping[int, int]:
+        """The variable that is the derivative of another, for those that have one so far."""
+        ...
+
     def n_variables(self) -> int:
         """Number of variables so far."""
         ...
 
     def incidence(self, equation: int) -> Sequence[int]:
         """Unknowns of an equation, derivatives included."""
-        ...
-
-    def derivative(self, variable: int) -> int | None:
-        """The variable that is the derivative of another, or None when it has none yet."""
         ...
 
     def differentiate_variable(self, variable: int) -> int:
@@ -49,7 +50,7 @@ def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int]
         equation that is its time derivative.
     """
     rows = [system.incidence(e) for e in range(n_equations)]
-    highest = [[v for v in row if system.derivative(v) is None] for row in rows]
+    highest = [[v for v in row if v not in system.derivative_of] for row in rows]
     first = match(Incidence.from_rows(highest, system.n_variables()))
     assigned = {int(v): e for e, v in enumerate(first) if v >= 0}
     derivative: dict[int, int] = {}
@@ -63,7 +64,7 @@ def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int]
             equation = _differentiate(
                 system, incidence, assigned, derivative, coloured_equations, coloured_variables, equation
             )
-    return {v: e for v, e in assigned.items() if system.derivative(v) is None}, derivative
+    return {v: e for v, e in assigned.items() if v not in system.derivative_of}, derivative
 
 
 def _augment(
@@ -78,7 +79,7 @@ def _augment(
     while queue:
         here = queue.pop()
         for variable in incidence[here]:
-            if variable in came_from or system.derivative(variable) is not None:
+            if variable in came_from or variable in system.derivative_of:
                 continue
             came_from[variable] = here
             other = assigned.get(variable)

@@ -295,5 +295,5 @@ def opened(solution: Solution) -> Solution:
 def needed(structure: Structure, definitions: Sequence[tuple[int, int]], residuals: Sequence[int]) -> frozenset[int]:
     """Variables that the rates of the states and the residuals depend on."""
     pool = structure.reduced.pool
-    roots = [pool.var(structure.derivative(x)) for x in structure.states] + list(residuals)
+    roots = [*structure.rates(structure.states), *residuals]
     return frozenset(pool.variables_behind(roots, dict(definitions)))

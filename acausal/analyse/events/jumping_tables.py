@@ -8,7 +8,7 @@ after are constant.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -21,18 +21,20 @@ _CONSTANT = frozenset(("floor", "ceil", "sign", "pre", "sample", "initial", "ter
 """Operations whose values change at events only."""
 
 
-def jumping_table(pool: Pool, number: int, definitions: Mapping[int, int]) -> Lookup | None:
-    """The table that a node reads, if it jumps and its argument moves between events; None otherwise.
+def jumping_tables(pool: Pool, numbers: Iterable[int], definitions: Mapping[int, int]) -> dict[int, Lookup]:
+    """The table that each of these nodes reads, where it jumps and its argument moves between events.
 
     Tables of time itself are left out: runs stop at their segments, or bound their steps by them, and make no event
     (`acausal.simulate.equations.kinks`), as a measured speed has thousands of rows. `definitions` maps variables to
     nodes.
     """
-    op, *operands = pool.nodes[number]
-    table = op.external if isinstance(op, Call) else None
-    if not isinstance(table, Lookup) or not table.has_jumps or not _moves(pool, operands[0]):
-        return None
-    return None if is_of_time(pool, operands[0], definitions) else table
+    read = {n: pool.nodes[n] for n in numbers if isinstance(pool.nodes[n][0], Call)}
+    found = {n: (op.external, operands[0]) for n, (op, *operands) in read.items() if isinstance(op.external, Lookup)}
+    return {
+        n: table
+        for n, (table, argument) in found.items()
+        if table.has_jumps and _moves(pool, argument) and not is_of_time(pool, argument, definitions)
+    }
 
 
 def _moves(pool: Pool, root: int) -> bool:

@@ -16,7 +16,7 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.domains import guarded
-from acausal.analyse.events.jumping_tables import jumping_table, number_of_segment, on_segment
+from acausal.analyse.events.jumping_tables import jumping_tables, number_of_segment, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
 from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.time_events import TimeEvents
@@ -268,9 +268,10 @@ def _jumps(
         found[was] = done[was] = was  # the memory stores the value of the branch under this node
         return found[number]
 
+    tables = jumping_tables(pool, steps, definitions)
     for number in visible:
         op, *operands = pool.nodes[number]
-        table = jumping_table(pool, number, definitions) if number in steps else None
+        table = tables.get(number)
         if table is not None and _moves(pool, operands[0], discrete):
             segment = number_of_segment(pool, table, operands[0])
             below = pool.nodes[segment][1]
@@ -317,14 +318,11 @@ def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
 def _eventful(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> list[int]:
     """Those of `roots` that contain an operation of `_EVENTFUL`, or a table that jumps."""
     nodes = pool.nodes
-    holds: set[int] = set()
-    for number in pool.reachable(roots):
+    below = pool.reachable(roots)
+    holds = set[int](jumping_tables(pool, below, definitions))
+    for number in below:
         op, *operands = nodes[number]
-        if (
-            op in _EVENTFUL
-            or jumping_table(pool, number, definitions)
-            or (op not in LEAVES and not holds.isdisjoint(operands))
-        ):
+        if op in _EVENTFUL or (op not in LEAVES and not holds.isdisjoint(operands)):
             holds.add(number)
     return [n for n in roots if n in holds]
 

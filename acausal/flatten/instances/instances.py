@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from acausal.errors import DeclarationError, UsageError
-from acausal.language.choices import Choice, is_changing
+from acausal.language.choices import Changing, Choice, is_changing
 from acausal.language.component import STATING, Component, Connector
 from acausal.language.declarations.declaration import Kind
 from acausal.language.declarations.misuse import Declared, own_constructor, refuse_misnamed
@@ -17,6 +17,7 @@ from acausal.language.statement import Origin
 @dataclass(eq=False, slots=True)
 class Instance:
     """One component of the model. `first` maps declared names to scalar numbers once they are allocated.
+    `prefix`, the path and a dot, or "", stands in front of the names of its fields.
 
     `component` may be a view, because flattening must not change the user's component. `faces` are the other objects
     that expressions use for this instance: the user's component, and stand-ins of outer components.
@@ -29,11 +30,10 @@ class Instance:
     parts: list[Instance] = field(default_factory=list)
     faces: list[Component] = field(default_factory=list)
     first: dict[str, int] = field(default_factory=dict)
+    prefix: str = field(init=False)
 
-    @property
-    def prefix(self) -> str:
-        """Prefix of the names of this component's fields: its path and a dot, or ""."""
-        return self.path + "." if self.path else ""
+    def __post_init__(self) -> None:
+        self.prefix = self.path + "." if self.path else ""
 
     @property
     def is_leaf(self) -> bool:
@@ -86,6 +86,11 @@ def components(model: Component) -> Iterator[tuple[str, Component]]:
         _check_constructed(component)
         yield path, component
         stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
+
+
+def changing(model: Component) -> dict[str, Changing]:
+    """Components whose structure changes during a run, by path."""
+    return {path: c for path, c in components(model) if is_changing(c) and c.is_variable()}
 
 
 def _check(model: Any) -> None:

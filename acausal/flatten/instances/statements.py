@@ -1,8 +1,14 @@
-"""Running the generator methods of a component: its equations, connections and ties with their places in the source."""
+"""Running the generator methods of a component: its equations, connections and ties with their places in the source.
+
+The place of a statement is read from the frame of the generator that yields it, also through `yield from`.
+"""
 
 from __future__ import annotations
 
+import dis
 from collections.abc import Callable, Generator, Iterable, Iterator
+from functools import cache
+from types import CodeType
 from typing import Any
 
 from acausal.errors import DeclarationError, Span
@@ -15,30 +21,34 @@ from acausal.language.events import Assertion, When
 from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.dimensions import check_dimensions
 from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_condition
-from acausal.language.statement import Ledger, Origin, origin_of, refuse_idle, refuse_lost, refuse_unheard, stepped
+from acausal.language.statement import RECORDING, Ledger, Origin, refuse_lost, refuse_unheard
 
 Statement = tuple[Any, Origin]
+_COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVERT"))
 
 
-def statements(component: Component, method: str = "equations") -> Iterator[Statement]:
+def statements(component: Component, method: str = "equations") -> list[Statement]:
     """Statements yielded by `method` of every class in the MRO, base classes first; checks dimensions."""
+    found: list[Statement] = []
     for cls in reversed(type(component).__mro__):
         function = cls.__dict__.get(method)
         if function is not None:
-            yield from run(component, cls.__name__, method, function)
+            found += run(component, cls.__name__, method, function)
+    return found
 
 
 def refuse_unstated(components: Iterable[Component]) -> None:
     """Refuse statements made in `build` that no generator method of the component yields (AC186)."""
     for component in components:
         lost = Ledger(component.__dict__["_stated"])
-        for method in STATING if lost else ():
-            for item, _ in statements(component, method):
-                lost.pop(id(item), None)
-        refuse_lost(f"{type(component).__name__}.build", lost)
+        if lost:
+            for method in STATING:
+                for item, _ in statements(component, method):
+                    lost.pop(id(item), None)
+            refuse_lost(f"{type(component).__name__}.build", lost)
 
 
-def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> Iterator[Statement]:
+def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> list[Statement]:
     """Statements yielded by one generator method; DeclarationError AC129 for no generator, AC130 for a wrong item."""
     form = f"def {method}(self) -> Equations"
     generator = called(f"{cls}.{method}", form, function, component, *args)
@@ -51,10 +61,9 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             help="every equation needs a `yield`: yield left == right",
         )
     refuse_unheard(type(component), f"{cls}.{method}", function)
-    refuse_idle(f"{cls}.{method}", function)
-    ledger = Ledger()
-    for item in _attribute_errors(component, stepped(generator, ledger)):
-        origin = origin_of(generator)
+    _refuse_idle(f"{cls}.{method}", function)
+    ledger, found = Ledger(), list[Statement]()
+    for item, origin in _stepped(component, generator, ledger):
         if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
             _check_discrete(item, origin)
@@ -75,19 +84,65 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 help="yield an equation `left == right`"
                 + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
             )
-        yield item, origin
+        found.append((item, origin))
     refuse_lost(f"{cls}.{method}", ledger)
+    return found
 
 
-def _attribute_errors(component: Component, items: Iterator[Any]) -> Iterator[Any]:
-    """The items of a generator; adds the component to errors of library functions, which do not know it."""
-    try:
-        yield from items
-    except DeclarationError as error:
-        path = component._path_to("")[:-1]
-        if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
-            error.where = (component.__dict__["_origin"].span(),)
-        raise
+def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: Ledger) -> Iterator[Statement]:
+    """The items of a generator with their places; statements that it makes without yielding them stay in the ledger.
+
+    Adds the component to errors of library functions, which do not know it.
+    """
+    while True:
+        token = RECORDING.set(ledger)
+        try:
+            item = next(generator)
+        except StopIteration:
+            return
+        except DeclarationError as error:
+            path = component._path_to("")[:-1]
+            if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
+                error.where = (component.__dict__["_origin"].span(),)
+            raise
+        finally:
+            RECORDING.reset(token)
+        ledger.pop(id(item), None)
+        yield item, _origin_of(generator)
+
+
+def _origin_of(generator: Generator[Any, Any, Any]) -> Origin:
+    """The place of the statement that `generator`, just resumed, has yielded from."""
+    inner: Any = generator
+    while getattr(inner.gi_yieldfrom, "gi_frame", None) is not None:
+        inner = inner.gi_yieldfrom
+    frame = inner.gi_frame
+    return Origin(frame.f_code, frame.f_lasti)
+
+
+def _refuse_idle(where: str, function: Callable[..., Any]) -> None:
+    """Refuse a sum, a product or a relation alone on a line: `der(x) + x` without `== 0` (AC186)."""
+    code = getattr(function, "__code__", None)
+    line = _idle(code) if code is not None else None
+    if code is not None and line is not None:
+        raise DeclarationError(
+            "AC186",
+            f"{where} computes an expression that reaches nothing",
+            where=(Span(code.co_filename, line),),
+            cause="an expression alone on a line is no equation: the model knows only what is yielded",
+            help="yield an equation: yield left == right",
+        )
+
+
+@cache
+def _idle(code: CodeType) -> int | None:
+    """First line whose value is computed and discarded; equations are excluded, which the ledger finds."""
+    before = None
+    for step in dis.get_instructions(code):
+        if step.opname == "POP_TOP" and before is not None and before.opname in _COMPUTES and before.argrepr != "==":
+            return before.positions.lineno if before.positions else code.co_firstlineno
+        before = step
+    return None
 
 
 def _check_discrete(equation: Equation, origin: Origin) -> None:

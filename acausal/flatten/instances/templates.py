@@ -79,10 +79,12 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
             return None
     pool = Pool()
     first: dict[tuple[int, str], int] = {}
+    n_local = 0
     for part in (instance, *instance.parts):
         for name, _, size in layout(part.component):
-            first[part.number, name] = pool.new_variables(size)
-    n_local = pool.n_variables
+            first[part.number, name] = n_local
+            n_local += size
+    pool.new_variables(n_local)
     parameters: list[str] = []
     position: dict[str, Scalars] = {}
     count = 0
@@ -92,7 +94,7 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
         start = first.get((number_of[id(symbol.owner)], symbol.name))
         if start is not None:
             size = max(1, _size(symbol))
-            return tuple(pool.var(start + k) for k in range(size))
+            return pool.vars(range(start, start + size))
         if symbol.name not in position:
             parameters.append(symbol.name)
             position[symbol.name] = tuple(pool.par(count + k) for k in range(_size(symbol)))
@@ -148,12 +150,12 @@ def replay(
     template: Template, instance: Instance, pool: Pool, table: ParameterTable
 ) -> tuple[list[FlatEquation], list[FlatAssert]]:
     """The equations of `instance` in the pool of the model, and its assertions on parameters."""
-    var = pool.var
-    variables = []
+    numbers_of: list[int] = []
     for part in (instance, *instance.parts):
         first = part.first
         for name, _, size in layout(part.component):
-            variables += [var(first[name])] if size == 1 else [var(first[name] + k) for k in range(size)]
+            numbers_of += range(first[name], first[name] + size)
+    variables = list(pool.vars(numbers_of))
     local = template.pool
     for number in range(template.n_local, local.n_variables):
         variables.append(differentiate(pool, variables[local.integral_of[number]]))

@@ -196,6 +196,7 @@ def allocate(
             oriented.union(joint.a, joint.b)
     shared_signals = _signal_representatives(signals)
     variables: list[FlatVariable] = []
+    count = pool.n_variables
     flat_variable = partial(tuple.__new__, FlatVariable)  # a third of the time of its Python constructor
     for instance in all_instances:
         own = layout(instance.component)
@@ -209,16 +210,17 @@ def allocate(
             if is_connector and declaration.kind is Kind.VARIABLE:
                 sets = oriented if declaration.overconstrained else plain
                 source = all_instances[sets.find(number)]
-                start = source.first[name] if source is not instance else pool.new_variables(size)
+                start = source.first[name] if source is not instance else count
             elif (number, name) in shared_signals:
                 other, other_name = shared_signals[number, name]
                 same = all_instances[other].first
-                start = same[other_name] if other_name in same else pool.new_variables(size)
-                same.setdefault(other_name, start)
+                start = same.setdefault(other_name, count)
             else:
-                start = pool.new_variables(size)
+                start = count
+            count = max(count, start + size)
             first[name] = start
             variables.append(flat_variable((prefix + name, declaration, start, size)))
+    pool.new_variables(count - pool.n_variables)
     return variables
 
 

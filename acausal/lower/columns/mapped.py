@@ -118,8 +118,7 @@ class _Program:
         builder = Symbols(compiled).builder(compiled)
         builder.define([d for d in solution.definitions if d[0] in solution.needed], compiled.rewritten)
         self.n, self.size_z = n, len(solution.algebraic)
-        roots = [pool.var(solution.structure.derivative(x)) for x in dynamic]
-        roots += [builder.replaced(r) for r in solution.residuals]
+        roots = [*solution.structure.rates(dynamic), *(builder.replaced(r) for r in solution.residuals)]
         varying = {pool.time: ("t", 0)}
         for kind, variables in (("x", dynamic), ("z", solution.algebraic), ("d", discrete)):
             varying.update((pool.var(v), (kind, k)) for k, v in enumerate(variables))

@@ -127,7 +127,7 @@ class Effects:
         for (number, _), change in zip(compiled.narrow.functions, ca.vertsplit(self._change), strict=True):
             changes[number] = partial(_plus, change, pool.nodes[number][0])
         builder.changes = changes
-        rates = [pool.var(solution.structure.derivative(x)) for x in compiled.state_variables]
+        rates = solution.structure.rates(compiled.state_variables)
         column = builder.column([*rates, *solution.residuals])
         return ca.Function("changed", [*self._symbols.inputs, self._change], [column])
 

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, RunError
 from acausal.flatten.instances.around import placed
+from acausal.flatten.instances.instances import changing
 from acausal.flatten.parameters import check_overrides
 from acausal.language.choices import Choice, is_reporting
 from acausal.language.component import Component
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
-from acausal.reduce.confine import changing
 from acausal.result.result import Event, Result
 from acausal.simulate.driver.agenda import Source
 from acausal.simulate.driver.run import Progress

@@ -14,11 +14,11 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.flatten.connections.connections import UnionFind
+from acausal.flatten.instances.instances import changing
 from acausal.language.component import Component
 from acausal.lower.compile import compile, lower
 from acausal.lower.compiled import CompiledModel
 from acausal.reduce.cone import dependence, restrict
-from acausal.reduce.confine import changing
 from acausal.reduce.freeze import ZEROS
 from acausal.reduce.outputs import output_scalars
 from acausal.reduce.select import KINDS, Left

@@ -101,12 +101,12 @@ class _Balance:
         unknowns = [v for block in structure.blocks for v in block.columns]
         s, y = Symbols(compiled), ca.SX.sym("y", len(unknowns))
         builder = s.defined(compiled)
-        values = builder.column([pool.var(v) for v in unknowns])
+        values = builder.column(pool.vars(unknowns))
         open_ = Symbols.builder(s, compiled)
         open_.define([], compiled.rewritten)
         open_.know(unknowns, y)
         residuals = open_.column([open_.replaced(structure.residuals[e]) for e in self.rows])
-        rates = open_.column([pool.var(structure.derivative(v)) for v in compiled.state_variables])
+        rates = open_.column(structure.rates(compiled.state_variables))
         self.values = ca.Function("values", s.inputs, [ca.densify(values)])
         self.slopes = ca.Function("slopes", [*s.inputs, y], [ca.jacobian(residuals, y), ca.jacobian(rates, y)])
         self.place = {e: k for k, e in enumerate(self.rows)}
