@@ -16,7 +16,7 @@ import numpy as np
 
 from acausal.diagnose.causes import contradiction
 from acausal.flatten.flat import FlatSystem
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem, ReducedWhen
 from acausal.structure import classes
 
@@ -335,8 +335,9 @@ class _Aliases:
             number_variable(v)
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
+        done = dict(zip(old.vars(number), pool.vars(number.values()), strict=True))
         old.retire()  # here compilation needs most memory
-        done = _translate(old, pool, reachable, dict(zip(number, pool.vars(number.values()), strict=True)))
+        pool.copy(old, reachable, done)
         for node, slope in slopes_old:
             if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
                 pool._slopes[done[node]] = done[slope]
@@ -438,20 +439,3 @@ def _priorities(flat: FlatSystem) -> list[int]:
     for k in flat.inputs:
         priority[k] = 100
     return priority
-
-
-def _translate(old: Pool, new: Pool, reachable: list[int], leaf: dict[int, int]) -> dict[int, int]:
-    done: dict[int, int] = {}
-    nodes, make, intern = old.nodes, new.make, new.intern
-    for number in reachable:
-        node = nodes[number]
-        op = node[0]
-        if op == "var":
-            done[number] = leaf[node[1]]
-        elif op in LEAVES:
-            done[number] = intern(node)
-        elif len(node) == 3:
-            done[number] = make(op, done[node[1]], done[node[2]])
-        else:
-            done[number] = make(op, *[done[c] for c in node[1:]])
-    return done

@@ -95,15 +95,9 @@ def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Colle
 
 def transferred(old: Pool, root: int, new: Pool, number: Callable[[int], int]) -> int:
     """Copy a node to another pool, with renumbered variables."""
-    done: dict[int, int] = {}
-    for node in old.reachable([root]):
-        op, *operands = old.nodes[node]
-        if op == "var":
-            done[node] = new.var(number(operands[0]))
-        elif op in LEAVES:
-            done[node] = new.intern(old.nodes[node])
-        else:
-            done[node] = new.make(op, *[done[c] for c in operands])
+    variables = old.variables_in(root)
+    done = dict(zip(old.vars(variables), new.vars(map(number, variables)), strict=True))
+    new.copy(old, old.reachable([root]), done)
     return done[root]
 
 

@@ -17,7 +17,7 @@ from fractions import Fraction
 from math import isfinite
 from typing import TypeGuard
 
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem
 
 # Integers where possible: fractions cost ten times as much, and nearly all factors are 1 or -1.
@@ -199,15 +199,11 @@ def _without(reduced: ReducedSystem, dropped: set[int]) -> ReducedSystem:
         if d in number:
             pool.integral_of[number[d]] = number[x]
             pool.derivative_of[number[x]] = number[d]
-    done = {old.var(v): pool.var(n) for v, n in number.items()}
+    done = dict(zip(old.vars(number), pool.vars(number.values()), strict=True))
     slopes = [(node, slope) for node, slope in old._slopes.items() if not old.variables_in(node, slope) & dropped]
     roots = [*reduced.residuals, *reduced.image, *reduced.initial, *reduced.event_nodes]
     roots += [n for pair in slopes for n in pair]
-    for n in old.reachable(roots):
-        node = old.nodes[n]
-        if n not in done:
-            is_leaf = node[0] in LEAVES and node[0] != "var"  # a variable without an image is no longer there
-            done[n] = pool.intern(node) if is_leaf else pool.make(node[0], *[done[c] for c in node[1:]])
+    pool.copy(old, old.reachable(roots), done)
     pool._slopes.update((done[node], done[slope]) for node, slope in slopes)
     return replace(
         reduced.with_images(done),

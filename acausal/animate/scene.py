@@ -14,8 +14,7 @@ from acausal.animate import meshes
 from acausal.animate.looks import RED, Arrow, Drawn, Hole, Look, Part, Piece, Rigid, Stretched, look_of, up_of
 from acausal.animate.meshes import Array
 from acausal.errors import UsageError
-from acausal.flatten.instances.around import placed
-from acausal.flatten.instances.instances import Instance
+from acausal.flatten.instances.instances import Instance, placed
 from acausal.language.choices import is_changing
 from acausal.language.component import Component, Connector
 from acausal.result.result import Result

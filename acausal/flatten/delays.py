@@ -25,8 +25,6 @@ def delays(
     Raises DeclarationError: AC182 when a delay is negative, or longer than its maximum; AC183 when it varies and has no
     maximum.
     """
-    if not pool.delays:
-        return ()
     holders: list[_Holder] = [((e.left, e.right), e.origin, e.component) for e in equations]
     holders += [((*w.conditions, *w.earlier, *(n for _, n in w.actions)), w.origin, w.component) for w in whens]
     holders += [((a.node,), a.origin, a.component) for a in assignments]

@@ -10,7 +10,7 @@ from itertools import product
 from typing import NamedTuple
 
 from acausal.errors import Span
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import Pool
 from acausal.language.component import Component, Connector
 from acausal.language.declarations.declaration import Declaration
 from acausal.language.declarations.experiment import Experiment
@@ -374,14 +374,8 @@ def with_variables(flat: FlatSystem, count: int) -> tuple[FlatSystem, dict[int, 
     pool.derivative_of.update((number(x), number(dx)) for x, dx in old.derivative_of.items())
     pool.integral_of.update((number(dx), number(x)) for dx, x in old.integral_of.items())
     pool.parameter_values = old.parameter_values
-    image: dict[int, int] = {}
-    for k, (op, *operands) in enumerate(old.nodes):
-        if op == "var":
-            image[k] = pool.var(number(operands[0]))
-        elif op in LEAVES:
-            image[k] = pool.intern(old.nodes[k])
-        else:
-            image[k] = pool.make(op, *[image[c] for c in operands])
+    image = {k: pool.var(number(node[1])) for k, node in enumerate(old.nodes) if node[0] == "var"}
+    pool.copy(old, range(len(old.nodes)), image)
     pool.slope.update((number(v), image[node]) for v, node in old.slope.items())
     pool.delays = [(image[s], image[t], None if m is None else image[m], words) for s, t, m, words in old.delays]
     pool.undelayed = [(image[node], words) for node, words in old.undelayed]

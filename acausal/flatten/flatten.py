@@ -42,8 +42,7 @@ from acausal.flatten.flat import (
     FlatSystem,
     FlatWhen,
 )
-from acausal.flatten.instances.around import placed
-from acausal.flatten.instances.instances import Instance, numbers
+from acausal.flatten.instances.instances import Instance, numbers, placed
 from acausal.flatten.instances.statements import Statement, refuse_unstated, run, statements
 from acausal.flatten.instances.templates import Template, make_template, replay, sides, template_key
 from acausal.flatten.parameters import ParameterTable, check_bound, check_overrides, check_values, foreign, refuse_time
@@ -128,7 +127,9 @@ def flatten(
         inputs=inputs,
         parameter_values=tuple(free.values),
         starts=starts,
-        delays=delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts),
+        delays=delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts)
+        if pool.delays
+        else (),
         undelayed=tuple(pool.undelayed),
         experiment=type(model).experiment,
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
@@ -138,7 +139,9 @@ def flatten(
     check_values(flat, flat.parameter_values)
     refuse_unstated([i.component for i in found])
     # what one structure of many does not hear, another may
-    return flat if choices else replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
+    return (
+        flat if choices or not overrides else replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
+    )
 
 
 def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, Connection, Origin]]:

@@ -441,6 +441,24 @@ class Pool:
                 image = tuple([done[c] for c in node[1:]])
                 done[number] = number if image == node[1:] else self.make(op, *image)
 
+    def copy(self, other: Pool, numbers: Iterable[int], images: dict[int, int]) -> None:
+        """Make nodes of another pool here: enter the image of each of `numbers`, in evaluation order, in `images`.
+
+        `images` holds those of all variables beforehand, and of any other node that becomes something else.
+        """
+        nodes, make = other.nodes, self.make
+        for number in numbers:
+            if number in images:
+                continue
+            node = nodes[number]
+            op = node[0]
+            if op in LEAVES:
+                images[number] = images[number] if op == "var" else self.intern(node)  # KeyError for a variable
+            elif len(node) == 3:
+                images[number] = make(op, images[node[1]], images[node[2]])
+            else:
+                images[number] = make(op, *[images[c] for c in node[1:]])
+
 
 def closure(start: Iterable[int], depends: Callable[[int], Iterable[int]]) -> set[int]:
     """`start` and all that these depend on, directly or through others."""

@@ -38,6 +38,11 @@ class CompiledModel(Lowered):
         """The model that owns the functions: `like`, or this one."""
         return self if self.like is None else self.like
 
+    @property
+    def is_steep(self) -> bool:
+        """Whether rates depend on steep functions, which may burst between two steps of a solver."""
+        return bool(self.common.narrow.arguments)
+
     def __repr__(self) -> str:
         return (
             f"CompiledModel({self.name}: {len(self.continuous)} states, {len(self.algebraic)} algebraic, "

@@ -19,6 +19,8 @@ from acausal.arrays import Vector
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.reduced import nominal
 from acausal.language.component import Component
+from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup
 from acausal.lower.chebyshev import INPUT_WIDTH
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.reduce.select import Selection
@@ -83,6 +85,16 @@ class Lowered:
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         moving = Moving(pool, discrete_variables(solution.structure.reduced))
         return steep(pool, solution.structure.points, pool.reachable(roots), moving)
+
+    @cached_property
+    def operations(self) -> frozenset[str]:
+        """Names of the operations that the equations may contain, "table" for a lookup, "call" for external functions.
+
+        What does not occur here, a run does not look for.
+        """
+        found = {node[0] for node in self.solution.structure.reduced.pool.nodes}
+        calls = {op for op in found if isinstance(op, Call)}
+        return frozenset(found - calls | {"table" if isinstance(op.external, Lookup) else "call" for op in calls})
 
     @property
     def flat(self) -> FlatSystem:

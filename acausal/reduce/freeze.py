@@ -8,7 +8,7 @@ from dataclasses import replace
 from acausal.analyse.aliases import reduce
 from acausal.errors import UsageError, meant
 from acausal.flatten.flat import FlatSystem, suffixes, translated
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import nominal
 from acausal.reduce.outputs import fitting
 
@@ -35,14 +35,12 @@ def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
     new.derivative_of.update(old.derivative_of)
     new.integral_of.update(old.integral_of)
     image: dict[int, int] = {}
-    for k, node in enumerate(old.nodes):
-        if node[0] == "par":
-            value = flat.parameter_values[node[1]]
-            image[k] = new.const(value) if node[1] in gone else new.par(number[node[1]])
-        elif node[0] in LEAVES:
-            image[k] = new.intern(node)
-        else:
-            image[k] = new.make(node[0], *[image[c] for c in node[1:]])
+    for k, (op, *index) in enumerate(old.nodes):
+        if op == "var":
+            image[k] = new.var(index[0])
+        elif op == "par":
+            image[k] = new.const(flat.parameter_values[index[0]]) if index[0] in gone else new.par(number[index[0]])
+    new.copy(old, range(len(old.nodes)), image)
     new.slope.update((v, image[n]) for v, n in old.slope.items())
     return replace(
         translated(flat, new, image),

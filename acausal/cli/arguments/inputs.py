@@ -8,7 +8,7 @@ from typing import Any
 
 from acausal.cli.arguments.settings import number_in
 from acausal.errors import UsageError, meant
-from acausal.flatten.instances.around import placed
+from acausal.flatten.instances.instances import placed
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
 

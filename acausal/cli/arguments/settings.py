@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from acausal.errors import AcausalError, Span, UsageError
-from acausal.flatten.instances.around import placed
-from acausal.flatten.instances.instances import Instance
+from acausal.flatten.instances.instances import Instance, placed
 from acausal.flatten.parameters import check_limits, check_overrides
 from acausal.language.component import Component
 from acausal.language.connections.freeing import free

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from acausal.flatten.connections.connections import joints
 from acausal.flatten.connections.orientation import is_overconstrained, spanning_tree
-from acausal.flatten.instances.around import placed
-from acausal.flatten.instances.instances import Instance, numbers
+from acausal.flatten.instances.instances import Instance, numbers, placed
 from acausal.flatten.instances.statements import Statement, statements
 from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection

@@ -1,4 +1,7 @@
-"""The instance tree as a list: one entry per component, depth first, owners before their parts."""
+"""The instance tree as a list: one entry per component, depth first, owners before their parts.
+
+Inner and outer components (Modelica language 3.6, section 5.4): each `outer` is bound to the inner one around it.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from acausal.language.choices import Changing, Choice, is_changing
 from acausal.language.component import STATING, Component, Connector
 from acausal.language.declarations.declaration import Kind
 from acausal.language.declarations.misuse import Declared, own_constructor, refuse_misnamed
+from acausal.language.declarations.parts import Outer
 from acausal.language.statement import Origin
 
 
@@ -73,8 +77,14 @@ def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> 
     """
     _check(model)
     found: list[Instance] = []
-    grow(found, model, "", None, choices or {})
+    _grow(found, model, "", None, choices or {})
     return found
+
+
+def placed(model: Component, choices: Mapping[str, Choice] | None = None) -> tuple[list[Instance], tuple[str, ...]]:
+    """All instances of a model with outer components bound, and notes on components that had to be added."""
+    found = instances(model, choices)
+    return found, _bind_outers(found)
 
 
 def components(model: Component) -> Iterator[tuple[str, Component]]:
@@ -106,7 +116,7 @@ def _check_constructed(component: Component) -> None:
         raise own_constructor(type(component)) or TypeError(component)
 
 
-def grow(
+def _grow(
     found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
 ) -> Instance:
     """Append a component and all its parts to `found`; returns the instance of the component itself."""
@@ -156,3 +166,101 @@ def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]
                 yield from ((f"{prefix}{name}[{k}]", v) for k, v in enumerate(value))
             else:
                 yield prefix + name, value
+
+
+def _bind_outers(found: list[Instance]) -> tuple[str, ...]:
+    """Bind the outer components of every instance; returns notes on components that had to be added to the model.
+
+    Raises DeclarationError: AC188 when no enclosing component has the inner one, AC189 when several match.
+    """
+    known: dict[tuple[int, Outer[Component], str], Instance] = {}
+    added: dict[tuple[type[Component], str], tuple[Instance, list[str]]] = {}
+    bound: list[tuple[Instance, str, Instance]] = []
+    for instance in found:  # `found` grows by the components added
+        for name, wanted in type(instance.component)._outers.items():
+            inner = _find_inner(instance, name, wanted, known)
+            if inner is None:
+                key = wanted.cls, name
+                if key not in added:
+                    added[key] = _add_default(found, instance, name, wanted), []
+                inner = added[key][0]
+                added[key][1].append(instance.path or type(instance.component).__name__)
+            bound.append((instance, name, inner))
+    for instance in dict.fromkeys(i for i, _, _ in bound):
+        instance.replace_by_view(instance.component._view())
+    for instance, name, inner in bound:
+        _resolve_stand_in(inner, instance.component.__dict__[name])
+        instance.component.__dict__[name] = inner.component  # the view is new and not shared yet
+    return tuple(_note(inner, users) for inner, users in added.values())
+
+
+def _find_inner(
+    instance: Instance, name: str, wanted: Outer[Component], known: dict[tuple[int, Outer[Component], str], Instance]
+) -> Instance | None:
+    """The nearest enclosing match for an outer component; None when there is none."""
+    passed: list[tuple[int, Outer[Component], str]] = []
+    enclosing, answer = instance.owner, None
+    while enclosing is not None and answer is None:
+        key = enclosing.number, wanted, name
+        answer = known.get(key)
+        if answer is None or answer is instance:
+            passed.append(key)
+            answer = _match(enclosing, instance, name, wanted)
+            enclosing = enclosing.owner
+    if answer is not None and not isinstance(instance.component, wanted.cls):
+        known |= dict.fromkeys(passed, answer)
+    return answer
+
+
+def _match(holder: Instance, instance: Instance, name: str, wanted: Outer[Component]) -> Instance | None:
+    """The match among the parts of one enclosing instance, or that instance itself."""
+    fitting = [p for p in holder.parts if isinstance(p.component, wanted.cls) and p is not instance]
+    if len(fitting) > 1:
+        fitting = [p for p in fitting if p.path == holder.prefix + name] or fitting
+    if len(fitting) > 1:
+        raise DeclarationError(
+            "AC189",
+            f"{_label(instance)} could mean {len(fitting)} components by its `{name}`",
+            where=(instance.origin.span(),),
+            evidence=[f"{p.path} ({type(p.component).__name__})" for p in fitting[:6]],
+            help=f"keep one {wanted.cls.__name__}, or call the one that is meant `{name}`",
+        )
+    if fitting:
+        return fitting[0]
+    return holder if isinstance(holder.component, wanted.cls) else None
+
+
+def _add_default(found: list[Instance], instance: Instance, name: str, wanted: Outer[Component]) -> Instance:
+    """Add the default of an outer component to the model."""
+    model = found[0]
+    if wanted.default is None:
+        raise DeclarationError(
+            "AC188",
+            f"{_label(instance)} finds no {wanted.cls.__name__} around it",
+            where=(instance.origin.span(),),
+            cause=wanted.doc or None,
+            help=f"declare one in {type(model.component).__name__}: "
+            f"{name}: {wanted.cls.__name__} = {wanted.cls.__name__}()",
+        )
+    paths = {i.path for i in found} | set(model.component._declarations)
+    while name in paths:
+        name += "_"
+    return _grow(found, wanted.default._copy(), name, model, {})
+
+
+def _resolve_stand_in(inner: Instance, stand_in: Component) -> None:
+    """Resolve a stand-in of an outer component, and its parts, to an instance in expressions."""
+    inner.faces.append(stand_in)
+    parts = {p.path: p for p in inner.parts}
+    for name, part in stand_in._parts.items():
+        _resolve_stand_in(parts[inner.prefix + name], part)  # type: ignore[arg-type]
+
+
+def _note(inner: Instance, users: list[str]) -> str:
+    shown = ", ".join(users[:4]) + (f" and {len(users) - 4} more" if len(users) > 4 else "")
+    return f"no {type(inner.component).__name__} around {shown}: one with its defaults is added, as {inner.path}"
+
+
+def _label(instance: Instance) -> str:
+    cls = type(instance.component).__name__
+    return f"{instance.path} ({cls})" if instance.path else cls

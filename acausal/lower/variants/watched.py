@@ -12,8 +12,6 @@ from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.time_events import stretch_numbers
 from acausal.flatten.pool import RELATIONS
 from acausal.flatten.text import to_text
-from acausal.language.expressions.external import Call
-from acausal.language.expressions.lookup import Lookup
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.subsystems.partition import system_of
@@ -25,6 +23,8 @@ UNWATCHED_STEPS = 5000
 """No step is longer than one over this of a run in which some kinks are not located."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
 _BURSTS = frozenset(("exp", "pow"))
+WAKING = _KINKS | _BURSTS | {"table"}
+"""Operations (`CompiledModel.operations`) without which a model has no kinks to locate."""
 _NAMED = 3
 _WIDTH = 60
 
@@ -54,13 +54,12 @@ def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = F
     """
     variants = _CACHE.setdefault(compiled, {})
     numbers, passed = tuple[int, ...](), 0
-    if (
-        _has_tables(compiled) or ((), branches) not in variants
-    ):  # without tables the result does not depend on the tolerance
+    has_tables = "table" in compiled.operations
+    if has_tables or ((), branches) not in variants:  # without tables the result does not depend on the tolerance
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
-        if _has_tables(compiled):
+        if has_tables:
             numbers, passed = stretch_numbers(pool, roots, dict(solution.definitions), relative)
         if (numbers, branches) not in variants:
             variants[numbers, branches] = _watched(compiled, roots, numbers, branches)
@@ -73,17 +72,6 @@ def _tables_left(count: int) -> str:
         f"no step ends at {count} points of tables of a variable, as there are very many that are about as far apart "
         "and bend about as much: a step may pass several at once; max_step bounds it"
     )
-
-
-_TABLES: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
-
-
-def _has_tables(compiled: CompiledModel) -> bool:
-    """Whether the equations contain a table lookup."""
-    if compiled not in _TABLES:
-        ops = {node[0] for node in compiled.solution.structure.reduced.pool.nodes}
-        _TABLES[compiled] = any(isinstance(op, Call) and isinstance(op.external, Lookup) for op in ops)
-    return _TABLES[compiled]
 
 
 def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], branches: bool) -> _Made:

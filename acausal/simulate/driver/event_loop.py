@@ -71,7 +71,7 @@ def suits_event_loop(problem: Problem, solver: Solver) -> bool:
         and not any(position in apart for c in compiled.state_events.clauses for position, _ in c.actions)
         # between the ends of steps the loop looks at turns and middles of steep functions, which miss a pulse that
         # underflows on both sides (1/cosh); a method with slopes stops there, an explicit one would go on
-        and not (solver.explicit and steep_arguments(compiled) is not None)
+        and not (solver.explicit and compiled.is_steep)
     )
 
 

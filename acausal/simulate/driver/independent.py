@@ -26,7 +26,6 @@ from acausal.simulate.driver.driver import Driver, pass_compiled
 from acausal.simulate.driver.event_loop import EventLoop
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.smooth import Smooth
-from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.location.between import between
@@ -182,7 +181,7 @@ class Member:
         problem, times = regime.problem, segment.times
         is_compiled = problem.native.used or self.solver.multistep or segment.step is not None
         # what wakes between two mesh points and is asleep at both is no polynomial
-        is_smooth = arguments(problem.compiled) is None and problem.n_dynamic > 0
+        is_smooth = not problem.compiled.is_steep and problem.n_dynamic > 0
         if is_compiled or not is_smooth or len(times) <= _FEW:
             return self._integrated(regime, segment)
         there = segment.start + segment.length * _SHARES

@@ -17,7 +17,7 @@ from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.subsystems.split import Subsystem, subsystems
-from acausal.lower.variants.watched import UNWATCHED, UNWATCHED_STEPS, with_watched
+from acausal.lower.variants.watched import UNWATCHED, UNWATCHED_STEPS, WAKING, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result.result import Result
 from acausal.simulate.clock import seconds
@@ -30,7 +30,6 @@ from acausal.simulate.driver.independent import IndependentSystems, Member
 from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.driver.smooth import Smooth
-from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks
 from acausal.simulate.equations.problem import Problem
@@ -153,11 +152,11 @@ class Run:
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None:  # fixed steps sleep through nothing
-            if self.watches:
+            bounded, tables, operations = "" if self.watches else UNWATCHED, "", self.compiled.operations
+            if self.watches and operations & WAKING:
                 self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance, branches=self.traced)
-            else:
-                bounded, tables = UNWATCHED, ""
-            unseen = note_on_externals(self.compiled) if opts.max_step is None and not bounded else ""
+            is_blind = "call" in operations and opts.max_step is None and not bounded
+            unseen = note_on_externals(self.compiled) if is_blind else ""
             notes = tuple(note for note in (bounded, tables, unseen) if note)
             if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
                 opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
@@ -179,8 +178,9 @@ class Run:
         self.timings["initialize"] = seconds() - began
         self.stabilise(start, m)
         recorder = self.recorder = Recorder(self.compiled, self.p, self.u, self.most_moved())
-        limit = StepLimit(self.problem, self.solver.name, opts, self.force)
-        limit.check_start(opts.start_time, start.x, start.z, m)
+        limit = None if opts.step is None or self.force else StepLimit(self.problem, self.solver.name, opts)
+        if limit is not None:
+            limit.check_start(opts.start_time, start.x, start.z, m)
         driver = self.driver(recorder, instants, start, m, memory)
         began = seconds()
         try:
@@ -198,7 +198,7 @@ class Run:
             if not recorder.segments:
                 raise
             error.result = self.finished(recorder, start.notes)  # type: ignore[union-attr]
-            if isinstance(error, IntegrationError):
+            if limit is not None and isinstance(error, IntegrationError):
                 limit.check_run(recorder, error.result)
             raise
         finally:
@@ -210,7 +210,8 @@ class Run:
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.finished(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
-        limit.check_run(recorder, result)
+        if limit is not None:
+            limit.check_run(recorder, result)
         return result
 
     def start(self) -> Result:
@@ -226,7 +227,7 @@ class Run:
     def _tables(self) -> Kinks:
         """Stops and longest steps that long tables of time demand of a solver with step control."""
         opts = self.options
-        if self.solver.fixed_step or opts.step is not None:
+        if self.solver.fixed_step or opts.step is not None or "table" not in self.compiled.operations:
             return NONE
         return kinks(self.compiled, self.p, opts.tolerance, opts.start_time, opts.stop_time)
 
@@ -317,7 +318,7 @@ class Run:
 
     def missed_events(self, compiled: CompiledModel, solver: Solver) -> MissedEvents | None:
         """The search for events that a solver misses; None for equations without steep functions."""
-        if not self.searches or arguments(compiled) is None:
+        if not self.searches or not compiled.is_steep:
             return None
         return MissedEvents(solver.integrate, self.unsearched.append)
 

@@ -13,7 +13,6 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.simulate.driver.agenda import Place, Schedule, Stretch
 from acausal.simulate.driver.event_loop import EventLoop, suits_event_loop
-from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Moment
 from acausal.simulate.events.regime import Regime
@@ -194,8 +193,7 @@ class Smooth:
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
         """How compiled code passes the segments by itself, if it can."""
         # one segment is faster as it is, and can be passed in parts; what is steep is looked at behind the solver
-        is_steep = arguments(self.problem.compiled) is not None
-        if schedule.segments < 2 or is_steep or not suits_event_loop(self.problem, self.solver):
+        if schedule.segments < 2 or self.problem.compiled.is_steep or not suits_event_loop(self.problem, self.solver):
             return None
         return EventLoop(self.problem, self.recorder, schedule, self.template, self.span)
 

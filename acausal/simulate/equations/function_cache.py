@@ -22,6 +22,8 @@ from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
 from acausal.simulate.start.open_start import OpenStart
 
+# Definitions up to which all variables of a start are looked at.
+_MOST_CHECKED = 3000
 # Functions of single signals that are kept, and who may make one: a builder is not for two threads.
 _MOST_OBSERVED = 256
 _SWITCHED = frozenset(("where", "sign"))
@@ -74,6 +76,17 @@ class FunctionCache:
         model = self._model()
         assert model is not None, "only who holds the model asks"
         return model
+
+    def are_finite(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> bool:
+        """Whether all variables have finite values at a point.
+
+        In large models only the rates are looked at: the function of all variables costs more than the run.
+        """
+        if not all(np.isfinite(part).all() for part in self.rhs(t, x, z, u, p, m)):
+            return False
+        if len(self.compiled.solution.definitions) > _MOST_CHECKED:
+            return True
+        return bool(np.isfinite(self.observe(t, x, z, u, p, m)[0]).all() and np.isfinite(self.constants(p)[0]).all())
 
     def observing(self, columns: tuple[int, ...], blend: bool) -> Observing:
         """`-> some of the trajectories`, by their places in `columns` of the model; `blend` for modes between 0 and 1.

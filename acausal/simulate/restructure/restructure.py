@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.errors import IntegrationError, RunError
-from acausal.flatten.instances.around import placed
-from acausal.flatten.instances.instances import changing
+from acausal.flatten.instances.instances import changing, placed
 from acausal.flatten.parameters import check_overrides
 from acausal.language.choices import Choice, is_reporting
 from acausal.language.component import Component

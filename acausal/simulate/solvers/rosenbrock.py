@@ -26,7 +26,8 @@ class Rosenbrock(CasadiSolver):
     stops = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
-        most = max(400, 8_000 // len(segment.times)) if may_lose_pivots(problem.compiled) else MOST_STEPS
+        is_loop = problem.compiled.solution.structure.invariants and may_lose_pivots(problem.compiled)
+        most = max(400, 8_000 // len(segment.times)) if is_loop else MOST_STEPS
         return {
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
@@ -39,4 +40,4 @@ class Rosenbrock(CasadiSolver):
 
     def units(self, problem: Problem, segment: Segment) -> NDArray[np.float64] | None:
         """Coarser ones for algebraic variables that rounding keeps from their tolerance."""
-        return units(problem, segment)
+        return units(problem, segment) if len(segment.z) else None

@@ -19,7 +19,6 @@ from acausal.simulate.equations.function_cache import functions_of
 Leaves = Mapping[str, Callable[[int], Any]]
 
 UNDEFINED = "a division by zero, or a root or logarithm of a negative number"
-_MOST_CHECKED = 3000
 _WORDS = {
     "div": "it divides by `{}`, which is",
     "log": "it takes the logarithm of `{}`, which is",
@@ -50,18 +49,10 @@ class Undefined(NamedTuple):
 def first_undefined(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
 ) -> Undefined | None:
-    """The first variable, in solving order, that has no finite value; None where all have one.
-
-    In large models only the rates are looked at: the function of all variables costs more than the run.
-    """
-    functions = functions_of(compiled)
-    ode, alg = functions.rhs(t, x, z, u, p, m)
-    is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
-    solution = compiled.solution
-    if is_finite and len(solution.definitions) > _MOST_CHECKED:
+    """The first variable, in solving order, that has no finite value; None where all have one."""
+    if functions_of(compiled).are_finite(t, x, z, u, p, m):
         return None
-    if is_finite and np.isfinite(functions.observe(t, x, z, u, p, m)[0]).all():
-        return None if np.isfinite(functions.constants(p)[0]).all() else _constant(compiled, p)
+    solution = compiled.solution
     reduced = solution.structure.reduced
     known = dict(zip(compiled.state_variables, x, strict=True))
     known.update(zip(solution.algebraic, z, strict=True))
@@ -76,7 +67,7 @@ def first_undefined(
             return Undefined(
                 reduced.name(variable), equation, _inside(reduced, node, leaves), *_why(reduced, node, leaves)
             )
-    return None
+    return _constant(compiled, p)
 
 
 def _name_of(reduced: ReducedSystem) -> NameOf:

@@ -248,8 +248,8 @@ def _left_open(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, free: list[int]
 ) -> tuple[str, ...]:
     """A note when the solution that was found is one of many, so that the guesses have decided."""
-    newton = functions_of(compiled).newton(tuple(free))
-    if not free or newton is None or len(newton.scale) > _LARGEST_RANK:
+    newton = functions_of(compiled).newton(tuple(free)) if free else None
+    if newton is None or len(newton.scale) > _LARGEST_RANK:
         return ()
     near = 0.01 * newton.scale * np.random.default_rng(3).standard_normal(len(newton.scale))
     beside = x.copy()
@@ -466,13 +466,13 @@ def _check_constraints(
 
 def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> None:
     """Refuse a start at which an equation has no finite value, naming the first one."""
+    functions = functions_of(compiled)
+    if functions.are_finite(t, x, z, u, p, m):
+        return
     found = first_undefined(compiled, t, x, z, u, p, m)
     if found is not None:
         raise undefined(compiled, t, found)
-    ode, alg = functions_of(compiled).rhs(t, x, z, u, p, m)
-    is_finite = bool(np.isfinite(ode).all() and np.isfinite(alg).all())
-    if is_finite:
-        return
+    ode, alg = functions.rhs(t, x, z, u, p, m)
     names = [
         n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)
     ]

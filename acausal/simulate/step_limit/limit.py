@@ -32,19 +32,15 @@ _FEWEST_SHOWN = 0.1
 
 @dataclass
 class StepLimit:
-    """Watches one run; does nothing unless the solver has fixed steps and is explicit.
-
-    `force` leaves runs alone.
-    """
+    """Watches one run with a fixed step; does nothing unless the solver is explicit."""
 
     problem: Problem
     solver: str
     options: Options
-    force: bool = False
     method: Method | None = field(init=False)
 
     def __post_init__(self) -> None:
-        found = method_of(self.solver) if self.options.step is not None and not self.force else None
+        found = method_of(self.solver)
         guarded = found is not None and found.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
         self.method = found if guarded else None
 
