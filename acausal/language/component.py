@@ -17,6 +17,7 @@ from acausal.errors import DeclarationError, calling_span
 from acausal.language.declarations.declaration import Declaration, Kind, Owner
 from acausal.language.declarations.declare import Real, checked_shape, checked_value, parameter, structural
 from acausal.language.declarations.experiment import Experiment
+from acausal.language.declarations.inheritance import inherited_fields
 from acausal.language.declarations.misuse import (
     annotation_of,
     assignment,
@@ -30,6 +31,7 @@ from acausal.language.declarations.misuse import (
     own_constructor,
     own_copy,
     refuse_hiding,
+    refuse_overruled,
     refuse_undeclared,
     unknown_field,
 )
@@ -65,19 +67,15 @@ class Component(Owner):
     """Default run of the model."""
     _prototypes: ClassVar[dict[str, Component]] = {}
     _outers: ClassVar[dict[str, Outer[Component]]] = {}
+    _own_fields: ClassVar[tuple[str, ...]] = ()
+    """Names that the class body itself declares, anew or in place of an inherited part."""
     _to_be_connected: ClassVar[tuple[str, ...]] = ()
     """Connectors that must be connected: the zero flow of an open one would determine flows of the component."""
     _parts: dict[str, Component | list[Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        declarations: dict[str, Declaration] = {}
-        prototypes: dict[str, Component] = {}
-        outers: dict[str, Outer[Component]] = {}
-        for base in reversed(cls.__bases__):
-            declarations |= getattr(base, "_declarations", {})
-            prototypes |= getattr(base, "_prototypes", {})
-            outers |= getattr(base, "_outers", {})
+        declarations, prototypes, outers = inherited_fields(cls)
         refuse_hiding(cls, {**declarations, **outers})
         annotated = inspect.get_annotations(cls)
         for name, annotation in annotated.items():
@@ -118,6 +116,7 @@ class Component(Owner):
                     setattr(cls, name, Real(name, value))
         for name in annotated.keys() & declarations.keys():
             declarations[name].belongs_to(cls, name)
+        cls._own_fields = tuple(n for n in annotated if n in declarations or n in outers)
         cls._declarations = declarations
         cls._is_sized = any(d.sized is not None for d in declarations.values())
         cls._prototypes = prototypes
@@ -336,8 +335,11 @@ class Component(Owner):
         if not self.__dict__.get("_building", False):
             raise own_constructor(cls) or assignment(self, name, STATING)
         declaration = self._declarations.get(name)
-        if declaration is not None and declaration.kind is Kind.PART and name in self.__dict__["_given"]:
-            return  # the part given to the constructor replaces that of `build`
+        if declaration is not None and name in self.__dict__["_given"]:
+            # What the constructor is given modifies the class, whose `build` has the defaults of subclasses.
+            if declaration.kind is Kind.STRUCTURAL:
+                refuse_overruled(cls, name, self.__dict__[name], value)
+            return
         if declaration is not None:
             self._give(name, declaration, value)
         elif isinstance(value, Component) or (isinstance(value, list) and value and isinstance(value[0], Component)):

@@ -108,9 +108,8 @@ class PartialDrillingForce(Component):
     def _convex(self, level: ConvexLevel) -> ConvexDrillGeometry:
         check_shape(level.shape, level.name)
         check_pose(level.pose, level.name)
-        if "t" not in self.__dict__["_given"]:
-            lowest, highest = level.shape.bounding_box()
-            self.t = min(highest[2] - lowest[2], 1e3)
+        lowest, highest = level.shape.bounding_box()
+        self.t = min(highest[2] - lowest[2], 1e3)
         return ConvexDrillGeometry(
             axis_a=self.axis_a,
             d=self.d,

@@ -91,6 +91,24 @@ def test_a_jump_is_not_compared_at_its_own_instant() -> None:
     assert run("compare", "a.npz", "b.npz", "--tolerance", "1e-9").code == 0
 
 
+def test_measurements_that_drive_a_run_are_compared_at_all_their_rows() -> None:
+    """A run stops at the rows of its input, which are events of it alone: only what jumps there has two values.
+
+    Without its rows at events the comparison had one instant left, and anything agreed.
+    """
+    rows, signals = np.arange(5.0), {"x": Signal("x", column=0), "y": Signal("y", column=1)}
+    times = np.repeat(rows, 2)[1:-1]
+    run_rows = np.stack([times, [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0]], axis=1)
+    Result("M", times, run_rows, signals).save("b.npz")
+    for wrong, code in ((0.0, 0), (0.25, 3)):
+        measured = np.stack([rows + wrong * (rows == 3.0), [0.0, 0.0, 1.0, 1.0, 1.0]], axis=1)
+        Result("M", rows, measured, signals).save("a.npz")
+        found = run("compare", "a.npz", "b.npz", "--json").json
+        assert found["instants"] == 5
+        assert found["deviations"][0]["absolute"] == wrong
+        assert run("compare", "a.npz", "b.npz").code == run("compare", "b.npz", "a.npz").code == code
+
+
 def test_results_whose_rows_are_all_samples_are_compared() -> None:
     """Every row of both is an event at one time: they differ behind it."""
     times = np.repeat(np.arange(5.0), 2)

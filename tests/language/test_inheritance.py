@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acausal import Component, Equations, Real, der, parameter, part, structural, variable
+import acausal
+from acausal import Component, Equations, Real, der, fixed, parameter, part, structural, variable
 from acausal.errors import DeclarationError
 from acausal.flatten.flatten import flatten
 from acausal.flatten.instances.statements import statements
@@ -111,9 +112,84 @@ def test_a_subclass_takes_the_place_of_its_base(cls: type[Base], k: float, unkno
     assert len(flat.equations) == unknowns
 
 
-def test_build_wins_over_the_constructor() -> None:
-    """As it runs later; what shall be given from outside is not set there."""
-    assert flatten(Faster(k=3.0)).parameter_values[0] == 5.0
+def test_the_constructor_wins_over_build() -> None:
+    """What `build` of a class sets is a default, as a modification in `extends` (Modelica 3.6, section 7.2.4).
+
+    What is given would be lost otherwise: `Faster(k=3.0)` was five, and nothing said so.
+    """
+
+    class Started(Faster):
+        def build(self) -> None:
+            super().build()
+            self.x = fixed(2.0)
+
+    assert flatten(Faster(k=3.0)).parameter_values[0] == 3.0
+    assert flatten(Started(k=4.0)).parameter_values[0] == 4.0
+    assert acausal.simulate(Started(x=fixed(7.0)), stop_time=0.1)["x"][0] == 7.0
+
+
+def test_a_structural_value_that_build_overrules_is_refused() -> None:
+    class Sized(Component):
+        n: int = structural(default=2)
+        x: Real = variable()
+
+        def build(self) -> None:
+            self.n = 3
+
+        def equations(self) -> Equations:
+            yield self.x == float(self.n)
+
+    assert Sized().n == Sized(n=3).n == 3
+    with pytest.raises(DeclarationError, match=r"AC118.*'n' to 3, and 5 is given"):
+        Sized(n=5)
+
+
+class One(Component):
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == 1.0
+
+
+class Holder(Component):
+    inner: Component = One()
+
+
+class Replaced(Holder):
+    inner: Component = Faster()
+
+
+class Untouched(Holder):
+    pass
+
+
+class Diamond(Untouched, Replaced):
+    pass
+
+
+def test_a_part_replaced_on_one_side_of_a_diamond_stays_replaced() -> None:
+    """As of methods: the class that replaces comes before the base of both in Python's order (C3, PEP 253)."""
+    assert type(Diamond().inner) is Faster
+    assert Diamond.__mro__.index(Replaced) < Diamond.__mro__.index(Holder)
+
+
+def test_two_bases_that_declare_a_field_differently_are_refused() -> None:
+    """Modelica 3.6, section 7.1: elements of one name that are inherited from several classes have to be identical."""
+
+    class Long(Component):
+        x: Real = variable(unit="m")
+
+    class Heavy(Component):
+        x: Real = variable(unit="kg")
+
+    class LongToo(Component):
+        x: Real = variable(unit="m", doc="the same quantity")
+
+    with pytest.raises(DeclarationError, match=r"AC126.*two different fields x, of Long and Heavy") as caught:
+        type("Both", (Long, Heavy), {})
+    assert len(caught.value.where) == 3
+    both: Any = type("Same", (Long, LongToo), {})
+    assert list(both._declarations) == ["x"]
 
 
 def test_another_class_does_not() -> None:

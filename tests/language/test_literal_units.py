@@ -84,7 +84,7 @@ def check(rule: Callable[[Any], Any]) -> None:
         (lambda q: q.r == 2.0 * q.r * q.v, ("in m", "in m2/s")),
         (lambda q: q.s == delay(q.s, 2.0 * q.v), ("m/s",)),
         (lambda q: when(sample(0.0, 1.0), reset(q.s, 2.0 * q.v)), ("in m", "in m/s")),
-        (lambda q: when(sample(q.s, 1.0), reset(q.s, 1.0)), ("in m",)),
+        (lambda q: when(sample(q.m, 1.0), reset(q.s, 1.0)), ("in kg",)),
         (lambda q: q.s == time, ("in m", "in s")),
         (lambda q: q.s == unitless(q.v) * q.v, ("in m", "in m/s")),
         (lambda q: q.f == quantity(9.81, "m/s") * q.m, ("in N", "kg.m/s")),

@@ -180,8 +180,6 @@ def _library(module: str) -> str | None:
 
 def _operation(text: str) -> str | None:
     """Help for what Python allows between numbers and expressions do not, and the other way round."""
-    if "for ^:" in text:
-        return "a power is written x**2"
     if re.match(r"'(Symbol|Operation|Constant|Expr)' object is not callable", text):
         return "an expression is no function: write time or self.x without brackets"
     return None

@@ -63,9 +63,9 @@ def compare(
 ) -> None:
     """Compare two result files, or a result with measurements; exits with 3 if out of tolerance.
 
-    Values are compared at the times of the file with fewer rows, not at events of one of them, where a rounding error
-    in time would show as a jump. Units are converted. A result that covers less than the reference is out of tolerance;
-    one that covers more is not.
+    Values are compared at the times of the file with fewer rows. At an event of one of them, where a rounding error in
+    time would show as a jump, the value before it counts as well as the one after it. Units are converted. A result
+    that covers less than the reference is out of tolerance; one that covers more is not.
 
     Examples: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6; acausal compare measured.csv run.mat
     --plot
@@ -145,12 +145,15 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
         what = "signal" if not common else "time"
         raise UsageError("AC007", f"the results have no {what} in common", help="are they results of the same model?")
     found = []
+    either = _own_jumps(a, b)
     for name in common:
-        x, y = np.asarray(a.at(times, name)), same_unit(a.unit(name), b.unit(name))(np.asarray(b.at(times, name)))
-        difference = np.abs(x - y)
+        convert = same_unit(a.unit(name), b.unit(name))
+        x, (low, high) = np.asarray(a.at(times, name)), _between(a, times, name, either)
+        other_low, other_high = map(convert, _between(b, times, name, either))
+        difference = np.maximum(np.maximum(low - other_high, other_low - high), 0.0)
         # One of them not a number: as wrong as can be. Both: the same.
         difference[np.isnan(difference)] = np.inf
-        difference[np.isnan(x) & np.isnan(y)] = 0.0
+        difference[np.isnan(low + high) & np.isnan(other_low + other_high)] = 0.0
         k = int(np.argmax(difference))
         finite = x[np.isfinite(x)]
         span = float(np.ptp(finite)) if finite.size else 0.0
@@ -178,18 +181,54 @@ def _overlap(a: Result, b: Result) -> tuple[float, float]:
 
 
 def _times(a: Result, b: Result) -> Array:
+    """The times of the result with fewer rows that both have, each once."""
     import numpy as np
 
     coarse = a if len(a.time) <= len(b.time) else b
     low, high = _overlap(a, b)
     times = np.unique(coarse.time)
-    times = np.asarray(times[(times >= low) & (times <= high)], dtype=float)
-    jumps_a, jumps_b = (r.time[1:][np.diff(r.time) == 0] for r in (a, b))
-    events = np.sort(np.concatenate([jumps_a, jumps_b]))
-    if not events.size:
-        return times
-    after = np.clip(np.searchsorted(events, times), 1, len(events)) - 1
-    distance = np.minimum(np.abs(times - events[after]), np.abs(times - events[np.minimum(after + 1, len(events) - 1)]))
-    # what both have at one time, to the last bit, jumps at one time: samples, and switches of sources
-    known = np.isin(times, np.intersect1d(jumps_a, jumps_b))
-    return np.asarray(times[known | (distance > 1e-9 * max(abs(low), abs(high)))], dtype=float)
+    return np.asarray(times[(times >= low) & (times <= high)], dtype=float)
+
+
+def _repeated(result: Result) -> Array:
+    """Times of which a result has several rows, before and after an event."""
+    import numpy as np
+
+    return np.unique(result.time[1:][np.diff(result.time) == 0])
+
+
+def _own_jumps(a: Result, b: Result) -> Array:
+    """The repeated times of each result at which the other one may be before or after the event, shape (n,).
+
+    What both repeat at one time, to the last bit, jumps at one time: samples, and switches of sources.
+    """
+    import numpy as np
+
+    return np.setxor1d(_repeated(a), _repeated(b))
+
+
+def _between(result: Result, times: Array, name: str, either: Array) -> tuple[Array, Array]:
+    """The least and the largest value of a signal at `times`, shape (n,) both: before and after an event, else one.
+
+    Only the events at the times `either` count, and times within rounding errors of them.
+    """
+    import numpy as np
+
+    value = np.asarray(result.at(times, name), dtype=float)
+    low, high = value.copy(), value.copy()
+    events = np.intersect1d(_repeated(result), either)
+    if events.size:
+        after = np.clip(np.searchsorted(events, times), 1, len(events)) - 1
+        nearest = np.where(
+            np.abs(times - events[after]) <= np.abs(times - events[np.minimum(after + 1, len(events) - 1)]),
+            after,
+            np.minimum(after + 1, len(events) - 1),
+        )
+        is_near = np.abs(times - events[nearest]) <= 1e-9 * max(abs(times[0]), abs(times[-1]))
+        values, here = result[name], events[nearest[is_near]]
+        before = np.searchsorted(result.time, here, side="left")
+        behind = np.searchsorted(result.time, here, side="right") - 1
+        for rows in (before, behind):
+            low[is_near] = np.minimum(low[is_near], values[rows])
+            high[is_near] = np.maximum(high[is_near], values[rows])
+    return low, high

@@ -58,6 +58,13 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             cause="a connection joins connectors of one type",
             help="look for a component that has both connectors and put it between",
         )
+    twice = next((e for k, e in enumerate(ends) if any(_is_same(e, other) for other in ends[:k])), None)
+    if twice is not None:
+        raise DeclarationError(
+            "AC121",
+            f"{_name(twice)} is connected with itself",
+            help="name the other end; connecting states nothing here",
+        )
     if isinstance(first, Expr):
         _check_signals(ends)  # type: ignore[arg-type]
     connection = Connection(ends)  # type: ignore[arg-type]
@@ -69,6 +76,12 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             help="yield it in the `equations` of a component that has both ends, or of a class derived from it",
         )
     return connection
+
+
+def _is_same(a: object, b: object) -> bool:
+    if isinstance(a, Expr) and isinstance(b, Expr) and a.op == b.op == "index":
+        return a.args[0] is b.args[0] and a.payload == b.payload
+    return a is b
 
 
 def is_element(end: object) -> bool:

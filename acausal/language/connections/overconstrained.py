@@ -61,6 +61,8 @@ def potential_root(a: Connector, priority: int = 0) -> PotentialRoot:
 
 
 def _role(connector: Connector, key: str) -> bool:
+    if not isinstance(connector, Connector):
+        raise DeclarationError("AC121", f"`{connector}` is no connector", help="ask for a frame of the component")
     roles: dict[str, bool] | None = connector.__dict__.get("_roles")
     if roles is None:
         raise DeclarationError(

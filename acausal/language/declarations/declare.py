@@ -6,6 +6,8 @@ import inspect
 import math
 from collections.abc import Callable
 from functools import wraps
+from numbers import Real as Number
+from types import NoneType
 from typing import Any, TypeVar, cast, overload
 
 from acausal.errors import DeclarationError, UnitError, calling_span, nearest
@@ -31,6 +33,16 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _DEFAULT = ("start", "value", "init", "initial", "fixed", "guess")
 
 
+_TYPES: dict[str, tuple[tuple[type, ...], str]] = {
+    **dict.fromkeys(("unit", "doc", "hint"), ((str,), "a text")),
+    **dict.fromkeys(("nominal", "min", "max"), ((Number,), "one number")),
+    "monotone_above": ((Number, NoneType), "one number"),
+    "prefer_state": ((bool, NoneType), "True or False"),
+    "overconstrained": ((bool,), "True or False"),
+}
+"""What arguments of declarations have to be: types, and how they are called."""
+
+
 def _by_keyword(function: Function) -> Function:
     """Make unknown and positional arguments a DeclarationError AC110 that lists the arguments."""
 
@@ -39,10 +51,25 @@ def _by_keyword(function: Function) -> Function:
         if given or named.keys() - known:
             wrong = next((name for name in named if name not in known), "")
             raise _wrong_argument(function.__name__, list(known), wrong)
+        for name, value in named.items():
+            if name in _TYPES:
+                _check_argument(function.__name__, name, value)
         return function(**named)
 
     known = inspect.signature(function).parameters.keys()
     return cast(Function, declared_by)
+
+
+def _check_argument(kind: str, name: str, value: Any) -> None:
+    types, wanted = _TYPES[name]
+    if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+        several = " for all elements" if isinstance(value, list | tuple) else ""
+        raise DeclarationError(
+            "AC110",
+            f"{kind}: {name} is {value!r}, not {wanted}",
+            where=calling_span(),
+            help=f"give {wanted}{several}, or leave it out",
+        )
 
 
 def _wrong_argument(kind: str, names: list[str], wrong: str) -> DeclarationError:
@@ -142,11 +169,13 @@ def integer(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     return _discrete(Kind.VARIABLE, default, shape, doc, integer=True)
 
 
+@_by_keyword
 def boolean_input(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     """A signal that is true or false; connect it to a `boolean_output`, or bind it to a condition."""
     return Declaration(Kind.INPUT, **_sizes(shape), doc=doc, default=default, discrete=True, boolean=True)
 
 
+@_by_keyword
 def boolean_output(*, shape: Sizes = (), doc: str = "") -> Any:
     """A signal that is true or false; `yield self.y == condition` computes it."""
     return Declaration(Kind.OUTPUT, **_sizes(shape), doc=doc, discrete=True, boolean=True)
@@ -362,7 +391,7 @@ def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
                 f"{name} is true or false, `{value}` is a number",
                 help="write a relation such as x > 0, or True or False",
             )
-    elif declaration.integer and value.op == "const" and any(v != math.floor(v) for v in numbers):
+    elif declaration.integer and value.op == "const" and not all(float(v).is_integer() for v in numbers):
         raise DeclarationError(
             "AC147", f"{name} is an integer, `{value}` is not", help="a number that is not whole goes into discrete()"
         )

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Real as Number
+
+from acausal.errors import DeclarationError, calling_span
 
 
 @dataclass(frozen=True)
@@ -21,3 +24,15 @@ class Experiment:
     solver: str = "auto"
     step: float | None = None
     max_step: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("stop_time", "start_time", "output_interval", "tolerance", "step", "max_step"):
+            value = getattr(self, name)
+            may_be_none = name not in ("stop_time", "start_time", "tolerance")
+            if not (isinstance(value, Number) and not isinstance(value, bool)) and not (may_be_none and value is None):
+                raise DeclarationError(
+                    "AC110",
+                    f"Experiment: {name} is {value!r}, not a number",
+                    where=calling_span(),
+                    help="give a relative tolerance" if name == "tolerance" else "give seconds",
+                )

@@ -14,6 +14,7 @@ from typing import Any
 
 from acausal.errors import DeclarationError, Span, UnknownFieldError, calling_span, nearest
 from acausal.language.declarations.declaration import Declaration, Owner
+from acausal.language.declarations.experiment import Experiment
 from acausal.language.declarations.parts import Outer
 from acausal.language.statement import Origin
 
@@ -52,7 +53,17 @@ def own_constructor(cls: type[Owner]) -> DeclarationError | None:
 
 
 def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: object) -> None:
-    """Refuse class attributes that only look like fields (AC112): `mass: Mass = Mass`, `k: Real = 2.0`."""
+    """Refuse class attributes that only look like fields (AC112): `mass: Mass = Mass`, `k: Real = 2.0`.
+
+    An experiment under another name would be heard by nobody.
+    """
+    if (name == "experiment") is not isinstance(value, Experiment):
+        raise DeclarationError(
+            "AC112",
+            f"{cls.__name__}.{name} is {'an' if name != 'experiment' else 'no'} Experiment",
+            where=field_span(cls, name),
+            help="the default run of a model is declared as experiment = Experiment(stop_time=...)",
+        )
     if annotation is None or "ClassVar" in str(annotation):
         return
     if isinstance(value, type) and issubclass(value, Owner):
@@ -107,6 +118,19 @@ def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> Declara
         f"{what}, a {declared.kind.value}, which is fixed by then",
         help=f"give it where the component is made: {cls.__name__}({name}=...), or set it in `build`",
     )
+
+
+def refuse_overruled(cls: type[Owner], name: str, given: Any, value: Any) -> None:
+    """Refuse a structural value in `build` that differs from the one given to the constructor (AC118)."""
+    same = given is value or (type(given) is type(value) and repr(given) == repr(value))
+    if not same:
+        raise DeclarationError(
+            "AC118",
+            f"{cls.__name__}.build sets the structural '{name}' to {value!r}, and {given!r} is given to it",
+            where=(*calling_span(), *declared_at(cls, "build")),
+            cause="one of the two would be lost, and equations follow from it",
+            help=f"leave {name}=... out where the {cls.__name__} is made, or give what `build` computes another name",
+        )
 
 
 def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from operator import index
+from typing import SupportsIndex
+
 from acausal.errors import DeclarationError
 from acausal.language.expressions.expression import (
     Equation,
@@ -48,11 +51,26 @@ def fill(x: Operand, n: int) -> Expr:
     e = as_expr(x)
     if e.shape:
         raise shape_error("fill", e)
-    if not isinstance(n, int) or isinstance(n, bool) or n < 1:
+    return Operation("fill", (e,), sizes("fill", n, before=(f"`{e}`",)))
+
+
+def sizes(function: str, *counts: SupportsIndex, before: tuple[str, ...] = ()) -> tuple[int, ...]:
+    """The sizes of a vector or a matrix; DeclarationError AC110 where one is no number of elements.
+
+    `before`: the arguments in front of them, for the message.
+    """
+    try:
+        whole = tuple(map(index, counts))
+    except (TypeError, DeclarationError):
+        whole = (0,)
+    if len(counts) > 2 or any(isinstance(n, bool) for n in counts) or min(whole, default=1) < 1:
+        call = f"{function}({', '.join(map(str, (*before, *counts)))})"
         raise DeclarationError(
-            "AC110", f"fill(`{e}`, {n!r}): a vector has a whole number of elements", help=f"write fill({e}, 10)"
+            "AC110",
+            f"{call}: a size is a whole number of elements",
+            help=f"write {function} with sizes from 1 on: 3, or what a structural n says",
         )
-    return Operation("fill", (e,), (n,))
+    return whole
 
 
 def element(e: Expr, place: int, depth: int = 0) -> Expr:

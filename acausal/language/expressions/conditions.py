@@ -16,6 +16,7 @@ from acausal.language.expressions.expression import (
     checked_condition,
     is_condition,
     shape_error,
+    shape_text,
     symbols_in,
 )
 
@@ -107,8 +108,44 @@ def equals(a: Operand, b: Operand) -> Expr:
 
 
 def sample(start: Operand, interval: Operand) -> Expr:
-    """True at the instants `start + k * interval` [s], k = 0, 1, 2, ...: a clock, for the condition of a `when`."""
-    return Operation("sample", (as_expr(start), as_expr(interval)), ())
+    """True at the instants `start + k * interval` [s], k = 0, 1, 2, ...: a clock, for the condition of a `when`.
+
+    Both are expressions of numbers and parameters.
+
+    Raises
+    ------
+    DeclarationError
+        AC105 when one is no scalar, AC146 when one varies during a run.
+    """
+    times = as_expr(start), as_expr(interval)
+    shown = f"sample(`{times[0]}`, `{times[1]}`)"
+    for e in times:
+        if e.shape:
+            raise DeclarationError(
+                "AC105", f"{shown}: `{e}` is a {shape_text(e.shape)}", help="a clock has one start and one interval"
+            )
+        varying = _varying(e)
+        if varying is not None:
+            raise DeclarationError(
+                "AC146",
+                f"{shown}: `{varying}` varies during a run",
+                help="the start and the interval of a clock are numbers or parameters; instants that are computed are "
+                "kept in a discrete variable: when(time > pre(t_next), reset(t_next, ...))",
+            )
+    return Operation("sample", times, ())
+
+
+def _varying(e: Expr) -> Expr | None:
+    """A part of an expression that may change during a run; None if it consists of numbers and parameters."""
+    stack = [e]
+    while stack:
+        here = stack.pop()
+        if isinstance(here, Symbol) and here.declaration.kind.value != "parameter":
+            return here
+        if here.op in ("time", "der", "delay", "call", "sample", "initial", "terminal"):
+            return here
+        stack.extend(here.args)
+    return None
 
 
 def initial() -> Expr:

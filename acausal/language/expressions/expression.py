@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from acausal.errors import DeclarationError
 from acausal.language.declarations.declaration import Declaration
+from acausal.language.expressions.foreign import WithoutForeignOperators, refuse_numpy
 from acausal.language.statement import Statement, made
 
 Shape = tuple[int, ...]
@@ -57,7 +58,7 @@ def _no_truth(shown: str, kind: str, advice: str) -> DeclarationError:
     return DeclarationError("AC101", f"`{shown}` is {kind}, not a truth value", help=advice)
 
 
-class Expr:
+class Expr(WithoutForeignOperators):
     """A node: operator name, operands, shape, and a payload for constants, indices and names."""
 
     __slots__ = ("args", "op", "payload", "shape")
@@ -72,12 +73,7 @@ class Expr:
     def __array_ufunc__(self, function: Any, method: str, *inputs: Any, **options: Any) -> Any:
         operator = _UFUNCS.get(function.__name__)
         if operator is None or method != "__call__" or len(inputs) != 2:
-            name = function.__name__
-            raise DeclarationError(
-                "AC104",
-                f"numpy.{name} does not take the symbolic `{self}`",
-                help=f"use acausal.{name}, if there is one: numpy knows numbers only",
-            )
+            refuse_numpy(str(self), function, method)
         return getattr(as_expr(inputs[0]), operator)(as_expr(inputs[1]))
 
     def __add__(self, other: Operand) -> Expr:

@@ -10,7 +10,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, UnitError
+from acausal.language.expressions.arrays import sizes
 from acausal.language.expressions.expression import (
     Expr,
     Operand,
@@ -36,7 +37,7 @@ def _unary(op: str, x: Operand) -> Expr:
     if e.op == "const" and not e.shape and op in _CONSTANT_FOLDING:
         try:
             return as_expr(float(_CONSTANT_FOLDING[op](e.payload)))
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             raise DeclarationError(
                 "AC107", f"{op}({e.payload:g}) has no value", help=f"{op} is not defined for this number"
             ) from error
@@ -188,6 +189,8 @@ def quantity(value: float | Sequence[Any], unit: str) -> Expr:
     UnitError
         AC150 for an unknown unit.
     """
+    if not isinstance(unit, str):
+        raise UnitError("AC150", f"quantity: the unit is {unit!r}, not a text", help='write quantity(9.81, "m/s2")')
     given = as_expr(value)
     if given.op != "const":
         raise DeclarationError(
@@ -247,11 +250,18 @@ def skew(x: Operand) -> Expr:
 
 
 def identity(n: int = 3) -> Expr:
-    """The unit matrix of shape (n, n), without unit."""
-    return as_expr([[1.0 if i == j else 0.0 for j in range(n)] for i in range(n)])
+    """The unit matrix of shape (n, n), without unit; DeclarationError AC110 when `n` is no number of elements."""
+    (size,) = sizes("identity", n)
+    return as_expr([[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)])
 
 
 def zeros(*shape: int) -> Expr:
-    """A vector `zeros(n)` or a matrix `zeros(m, n)` of literal zeros, which adapt to any unit."""
-    size = math.prod(shape)
-    return Operation("const", (), tuple(shape), (0.0,) * size if shape else 0.0)
+    """A vector `zeros(n)` or a matrix `zeros(m, n)` of literal zeros, which adapt to any unit.
+
+    Raises
+    ------
+    DeclarationError
+        AC110 when a size is no number of elements, or there are more than two.
+    """
+    counts = sizes("zeros", *shape)
+    return Operation("const", (), counts, (0.0,) * math.prod(counts) if counts else 0.0)

@@ -1,0 +1,67 @@
+"""Fields that a class inherits, in the order in which Python looks up attributes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from acausal.errors import DeclarationError, calling_span
+from acausal.language.declarations.declaration import Declaration, Owner
+from acausal.language.declarations.misuse import declared_at
+from acausal.language.declarations.parts import Outer
+
+
+def inherited_fields(cls: type[Owner]) -> tuple[dict[str, Declaration], dict[str, Any], dict[str, Outer[Any]]]:
+    """Declarations, prototypes of parts, and outers of the bases of `cls`, by name.
+
+    Of a part that two bases replace, the one counts that comes first among the bases, unless it was replaced by a class
+    derived from that base: as with methods. Merging the bases one by one would let a base that replaces nothing bring
+    back the part of its own base.
+
+    Raises
+    ------
+    DeclarationError
+        AC126 when two bases that have no common base with that name declare one differently. Equal declarations are
+        one field, as in Modelica (language specification 3.6, section 7.1).
+    """
+    prototypes: dict[str, Any] = {}
+    outers: dict[str, Outer[Any]] = {}
+    declarations: dict[str, Declaration] = {}
+    fields: tuple[dict[str, Any], ...] = prototypes, outers, declarations
+    first: dict[str, type[Owner]] = {}
+    bases = [base for base in cls.__mro__[:0:-1] if issubclass(base, Owner)]
+    for base in bases:
+        for name in base.__dict__.get("_own_fields", ()):
+            origin = first.setdefault(name, base)
+            if not issubclass(base, origin) and not _agree(base, origin, name):
+                raise DeclarationError(
+                    "AC126",
+                    f"{cls.__name__} inherits two different fields {name}, of {base.__name__} and {origin.__name__}",
+                    where=(*calling_span(), *declared_at(base, name), *declared_at(origin, name)),
+                    cause="their equations would share one quantity, with the unit and the default of one of them",
+                    help=f"rename one of them, declare both alike, or declare {name} in a common base of the two",
+                )
+            for own, found in zip(_HELD, fields, strict=True):
+                of_base = getattr(base, own)
+                if name in of_base:
+                    found[name] = of_base[name]
+                else:
+                    found.pop(name, None)
+    return declarations, prototypes, outers
+
+
+def _agree(one: type[Owner], other: type[Owner], name: str) -> bool:
+    """Whether two classes declare a field alike, except for its description and hints to the compiler."""
+    found: list[tuple[object, ...]] = []
+    for cls in (one, other):
+        part, around, declared = (getattr(cls, held).get(name) for held in _HELD)
+        if part is not None:
+            found.append((type(part), repr(part)))
+        elif around is not None:
+            found.append((around.cls,))
+        else:
+            found.append(tuple(repr(getattr(declared, key)) for key in _MEANING))
+    return found[0] == found[1]
+
+
+_HELD = ("_prototypes", "_outers", "_declarations")
+_MEANING = "kind unit shape sized default min max overconstrained discrete boolean integer".split()  # noqa: SIM905
