@@ -46,6 +46,7 @@ class _Aliases:
     def __init__(self, flat: FlatSystem, instead: Mapping[int, int]) -> None:
         self.flat = flat
         self.pool = flat.pool
+        self.nodes = self.pool.vars(range(flat.n_scalars))  # of the variables
         sub = self.pool.sub
         self.residual = {k: sub(left, right) for k, (left, right, *_) in enumerate(flat.equations)}
         self.residual.update(instead)
@@ -143,7 +144,7 @@ class _Aliases:
         """Image of the definition of an overconstrained variable; without recursion, for long chains of frames."""
         pool = self.pool
         if variable not in self.definition:
-            return pool.var(variable)
+            return self.nodes[variable]
         stack = [variable]
         while stack:
             node = self.definition[stack[-1]]
@@ -365,7 +366,7 @@ class _Aliases:
     def _scalar_images(self) -> list[int]:
         """Nodes of all flat scalars, in the old pool."""
         pool, constant, definition = self.pool, self.constant, self.definition
-        images = list(pool.vars(self.representative[: self.flat.n_scalars]))
+        images = [self.nodes[r] for r in self.representative[: self.flat.n_scalars]]
         for k, (r, node) in enumerate(zip(self.representative, images, strict=False)):
             if r in constant or r in definition:
                 images[k] = self.leaf(k)

@@ -31,7 +31,7 @@ def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any
     builder = s.builder(compiled)
     nodes = [image[output.scalar] for output in outputs]
     builder.define(_definitions(compiled, nodes), compiled.rewritten)
-    observed = builder.lower([builder.replaced(n) for n in nodes])
+    observed = builder.lower(builder.replaced(nodes))
     return ca.Function("y", s.inputs, [ca.vertcat(*observed) if observed else ca.SX(0, 1)])
 
 

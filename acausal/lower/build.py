@@ -278,16 +278,17 @@ class DefiningBuilder(Builder):
     def define(self, definitions: Sequence[tuple[int, int]], rewritten: dict[int, int]) -> None:
         """Add definitions; relations and kinks in them are replaced by their modes."""
         self.rewritten = rewritten
-        for variable, node in definitions:
-            self.definitions[variable] = self.replaced(node)
+        for (variable, _), node in zip(definitions, self.replaced(n for _, n in definitions), strict=True):
+            self.definitions[variable] = node
 
-    def replaced(self, node: int) -> int:
-        """The node with relations and kinks in it replaced by branches on modes."""
+    def replaced(self, nodes: Iterable[int]) -> list[int]:
+        """Nodes with relations and kinks in them replaced by branches on modes."""
+        nodes = list(nodes)
         if not self.rewritten:
-            return node
+            return nodes
         done = self._replaced
-        self.pool.rewrite([node], self.pool.var, done)
-        return done[node]
+        self.pool.rewrite(nodes, self.pool.var, done)
+        return [done[n] for n in nodes]
 
     @cached_property
     def _replaced(self) -> dict[int, int]:

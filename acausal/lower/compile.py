@@ -239,7 +239,7 @@ def with_functions(shell: CompiledModel) -> CompiledModel:
     builder = symbols.builder(shell)
     builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
     ode = builder.column(solution.structure.rates(shell.state_variables))
-    alg = builder.lower([builder.replaced(r) for r in solution.residuals])
+    alg = builder.lower(builder.replaced(solution.residuals))
     names = ["t", "x", "z", "u", "p", "m"]
     rhs = ca.Function("rhs", symbols.inputs, [ode, _column(alg)], names, ["ode", "alg"])
     modes, instants = _event_functions(shell, shell.time_events)

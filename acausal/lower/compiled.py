@@ -101,7 +101,7 @@ class CompiledModel(Lowered):
         """Function `(t, x, z, u, p, m) ->` a column of the nodes of each output."""
         symbols = Symbols(self)
         builder = symbols.defined(self, blend)
-        columns = [ca.densify(builder.column([builder.replaced(n) for n in nodes])) for nodes in outputs.values()]
+        columns = [ca.densify(builder.column(builder.replaced(nodes))) for nodes in outputs.values()]
         return ca.Function(name, symbols.inputs, columns, _INPUTS, [*outputs])
 
     @cached_property
@@ -117,7 +117,7 @@ class CompiledModel(Lowered):
         builder = symbols.builder(shell)
         builder.define([d for d in solution.definitions if d[0] in solution.needed], shell.rewritten)
         ode = builder.column(solution.structure.rates(shell.state_variables))
-        alg = builder.lower([builder.replaced(r) for r in solution.residuals])
+        alg = builder.lower(builder.replaced(solution.residuals))
         return replace(shell, rhs=ca.Function("rhs", symbols.inputs, [ode, _column(alg)], _INPUTS, ["ode", "alg"]))
 
     @cached_property
@@ -189,10 +189,7 @@ class CompiledModel(Lowered):
         symbols = Symbols(self)
         builder = symbols.defined(self)
         builder.homotopy = ca.SX.sym("s")
-        used, alg = (
-            _column(builder.lower([builder.replaced(n) for n in group]))
-            for group in (conditions, self.solution.residuals)
-        )
+        used, alg = (_column(builder.lower(builder.replaced(group))) for group in (conditions, self.solution.residuals))
         return ca.Function(
             "homotopy", [*symbols.inputs, builder.homotopy], [used, alg], [*_INPUTS, "s"], ["used", "alg"]
         )
@@ -202,7 +199,7 @@ class CompiledModel(Lowered):
         """`(t, x, z, u, p, m) -> (g, dg/dx)`: stabilised constraints, all levels, and their Jacobian."""
         symbols = Symbols(self)
         builder = symbols.defined(self)
-        g = _column(builder.lower([builder.replaced(n) for _, n in self.solution.structure.invariants]))
+        g = _column(builder.lower(builder.replaced(n for _, n in self.solution.structure.invariants)))
         return ca.Function("constraints", symbols.inputs, [g, ca.jacobian(g, symbols.x)], _INPUTS, ["g", "J"])
 
     @cached_property

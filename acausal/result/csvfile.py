@@ -20,7 +20,7 @@ import numpy as np
 from acausal.errors import AcausalError, UnitError, UsageError
 from acausal.result.seconds import seconds
 from acausal.result.signals import Array, Signal, Table, events_at_repeated_times
-from acausal.units import in_si, parse
+from acausal.units import parse
 
 _DELIMITERS = ",;\t"
 
@@ -149,12 +149,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _as_si(values: Array, unit: str) -> Array:
-    """Values, shape (n,), converted to the SI unit; `in_si` is affine, so two numbers give slope and offset."""
-    offset = in_si(0.0, unit)
-    return np.asarray(values * (in_si(1.0, unit) - offset) + offset)
 
 
 def read_csv(path: Path) -> Table:

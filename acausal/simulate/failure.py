@@ -302,7 +302,7 @@ def _one_sided(
     open_ = s.builder(compiled)
     open_.define([], compiled.rewritten)
     open_.know(unknowns, y)
-    residuals = open_.column([open_.replaced(structure.residuals[e]) for e in rows])
+    residuals = open_.column(open_.replaced(structure.residuals[e] for e in rows))
     at = (t, x, z, u, p, m)
     here = np.nan_to_num(
         np.array(ca.Function("y", s.inputs, [ca.densify(values)])(*at)).ravel(), posinf=0.0, neginf=0.0

@@ -10,6 +10,11 @@ from acausal.flatten.terms import LONG, SUMS, is_long, terms
 Linear = tuple[int, dict[int, int]]
 
 
+def linear_in(pool: Pool, root: int, variable: int) -> Linear | None:
+    """(rest, {variable: coefficient}) of an expression, or None when it is not linear in the variable."""
+    return LinearForm(pool, (variable,)).of(root)
+
+
 class LinearForm:
     """Decomposes expressions with respect to a set of variables; shared sub-expressions only once."""
 

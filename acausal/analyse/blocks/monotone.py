@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.blocks.linear import LinearForm
+from acausal.analyse.blocks.linear import linear_in
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import nominal
 from acausal.flatten.scalars.differentiate import partial
@@ -50,7 +50,7 @@ def causal(pool: Pool, residuals: Sequence[int], unknowns: Sequence[int], torn: 
             if len(unknown) != 1:
                 continue
             (variable,) = unknown
-            form = LinearForm(pool, (variable,)).of(residuals[i])
+            form = linear_in(pool, residuals[i], variable)
             # Divide by nonzero constants only, which cannot vanish.
             if form is None or pool.value(form[1].get(variable, pool.zero)) in (None, 0.0):
                 continue

@@ -12,7 +12,7 @@ from functools import partial
 
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import Eliminated, eliminate, safety
-from acausal.analyse.blocks.linear import LinearForm
+from acausal.analyse.blocks.linear import LinearForm, linear_in
 from acausal.analyse.blocks.monotone import causal, newton
 from acausal.analyse.hidden import HiddenCombination, HiddenConstraint, hidden_constraint
 from acausal.diagnose.null_space.dependence import check_rank, dependent, special_values
@@ -153,7 +153,7 @@ class _Work:
     def _single(self, row: int, variable: int) -> None:
         pool = self.pool
         residual = self.structure.residuals[row]
-        linear = LinearForm(pool, (variable,)).of(residual)
+        linear = linear_in(pool, residual, variable)
         if linear is not None:
             coefficient = linear[1].get(variable, pool.zero)
             if coefficient == pool.zero:
@@ -223,7 +223,7 @@ class _Work:
         self.algebraic += iterated
         for i, k in torn.sequence:
             variable = block.columns[k]
-            form = LinearForm(self.pool, (variable,)).of(residuals[i])
+            form = linear_in(self.pool, residuals[i], variable)
             assert form is not None, "tearing solves rows only for columns in which they are linear"
             self.define(variable, self.pool.div(self.pool.neg(form[0]), form[1][variable]))
         self.residuals += [residuals[i] for i in torn.residual]
@@ -253,7 +253,7 @@ class _Work:
         return next((self.above[s] for s in own if s in self.above), None)
 
     def _coefficient(self, residual: int, variable: int) -> int | None:
-        form = LinearForm(self.pool, (variable,)).of(residual)
+        form = linear_in(self.pool, residual, variable)
         if form is None or variable not in form[1]:
             return None
         coefficient = form[1][variable]

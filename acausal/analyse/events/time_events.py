@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from acausal.analyse.blocks.linear import LinearForm
+from acausal.analyse.blocks.linear import linear_in
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup, lookup
@@ -93,7 +93,7 @@ def affine_in_time(pool: Pool, number: int) -> tuple[int, int] | None:
     stand_in = -1  # no variable has this number
     done: dict[int, int] = {pool.time: pool.intern(("var", stand_in))}
     pool.rewrite([number], pool.var, done)
-    form = LinearForm(pool, (stand_in,)).of(done[number])
+    form = linear_in(pool, done[number], stand_in)
     if form is None or stand_in not in form[1]:
         return None
     slope = form[1][stand_in]

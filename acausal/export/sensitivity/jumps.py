@@ -165,7 +165,7 @@ def _build(compiled: CompiledModel) -> _Sides | None:
     builder = symbols.defined(compiled)
     values = []
     for n in found:
-        both = [builder.lower([builder.replaced(operand)])[0] for operand in pool.nodes[n][1:]]
+        both = builder.lower(builder.replaced(pool.nodes[n][1:]))
         values.append(both[0] - both[1] if len(both) == 2 else both[0])
 
     def name_of(kind: str, k: int) -> str:

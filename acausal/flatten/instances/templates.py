@@ -30,11 +30,15 @@ _EQUATION = partial(tuple.__new__, FlatEquation)
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """Equations over local numbers: variables of the component and its connectors, then its parameters."""
+    """Equations over local numbers: variables of the component and its connectors, then its parameters.
+
+    `leaves` are the nodes of all variables, derivatives last, and then those of the entries of all parameters.
+    """
 
     pool: Pool
     n_local: int
     parameters: tuple[str, ...]
+    leaves: tuple[int, ...]
     equations: tuple[tuple[int, int, Origin, Equation, int], ...]
     demands: tuple[tuple[int, Origin, Assertion], ...]
 
@@ -85,6 +89,7 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
             first[part.number, name] = n_local
             n_local += size
     pool.new_variables(n_local)
+    nodes = pool.vars(range(n_local))
     parameters: list[str] = []
     position: dict[str, Scalars] = {}
     count = 0
@@ -94,7 +99,7 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
         start = first.get((number_of[id(symbol.owner)], symbol.name))
         if start is not None:
             size = max(1, _size(symbol))
-            return pool.vars(range(start, start + size))
+            return nodes[start : start + size]
         if symbol.name not in position:
             parameters.append(symbol.name)
             position[symbol.name] = tuple(pool.par(count + k) for k in range(_size(symbol)))
@@ -115,7 +120,8 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
     ]
     if pool.delays or pool.undelayed or not all(pool.is_constant(condition) for condition, *_ in demands):
         return None
-    return Template(pool, n_local, tuple(parameters), tuple(equations), tuple(demands))
+    leaves = *pool.vars(range(pool.n_variables)), *(node for name in parameters for node in position[name])
+    return Template(pool, n_local, tuple(parameters), leaves, tuple(equations), tuple(demands))
 
 
 def _size(symbol: Symbol) -> int:
@@ -160,20 +166,8 @@ def replay(
     for number in range(template.n_local, local.n_variables):
         variables.append(differentiate(pool, variables[local.integral_of[number]]))
     parameters = [node for name in template.parameters for node in table.nodes(instance, name)]
-    image: list[int] = []
-    make = pool.make
-    for node in local.nodes:
-        op = node[0]
-        if op == "var":
-            image.append(variables[node[1]])
-        elif op == "par":
-            image.append(parameters[node[1]])
-        elif op == "const" or op == "time":
-            image.append(pool.intern(node))
-        elif len(node) == 3:
-            image.append(make(op, image[node[1]], image[node[2]]))
-        else:
-            image.append(make(op, *[image[c] for c in node[1:]]))
+    image = dict(zip(template.leaves, (*variables, *parameters), strict=True))
+    pool.copy(local, range(len(local.nodes)), image)
     path = instance.path
     demands = [FlatAssert(image[c], a.message, a.level, origin, path, a) for c, origin, a in template.demands]
     stated = template.equations

@@ -118,7 +118,7 @@ class _Program:
         builder = Symbols(compiled).builder(compiled)
         builder.define([d for d in solution.definitions if d[0] in solution.needed], compiled.rewritten)
         self.n, self.size_z = n, len(solution.algebraic)
-        roots = [*solution.structure.rates(dynamic), *(builder.replaced(r) for r in solution.residuals)]
+        roots = [*solution.structure.rates(dynamic), *builder.replaced(solution.residuals)]
         varying = {pool.time: ("t", 0)}
         for kind, variables in (("x", dynamic), ("z", solution.algebraic), ("d", discrete)):
             varying.update((pool.var(v), (kind, k)) for k, v in enumerate(variables))

@@ -52,7 +52,7 @@ class EventFunctions:
             [a.condition for a in events.asserts],
         )
         outputs = [_column(self.signed_at_rest(self._relation_distances(builder)))]
-        outputs += [_column(builder.lower([builder.replaced(n) for n in group])) for group in groups]
+        outputs += [_column(builder.lower(builder.replaced(group))) for group in groups]
         names = ["distance", "assigned", "conditions", "values", "remembered", "asserts"]
         return ca.Function("reactions", symbols.inputs, outputs, _INPUTS, names)
 
@@ -144,7 +144,7 @@ class EventFunctions:
         found = []
         for number in self.compiled.state_events.relations:
             op, a, b = self._pool.nodes[number]
-            left, right = builder.lower([builder.replaced(a), builder.replaced(b)])
+            left, right = builder.lower(builder.replaced((a, b)))
             found.append(right - left if op in ("lt", "le") else left - right)
         return found
 

@@ -93,7 +93,7 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     for k in range(compiled.n_dynamic + compiled.quadratures, len(compiled.states)):
         place = memory.get(pool.make("pre", pool.var(compiled.state_variables[k])))
         before[k] = s.x[k] if place is None else s.m[place]
-    ends = [pool.nodes[builder.replaced(actions[a][1])] for a, _ in model_impulses]
+    ends = [pool.nodes[n] for n in builder.replaced(actions[a][1] for a, _ in model_impulses)]
     speeds = ca.vertcat(*builder.lower([node[1] for node in ends]))
     values = ca.vertcat(*builder.lower([node[2] for node in ends]))
     ode, alg = compiled.rhs(s.t, before, *s.inputs[2:])

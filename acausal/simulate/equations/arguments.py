@@ -162,7 +162,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     symbols = Symbols(compiled)
     builder = symbols.defined(compiled)
     nodes = *found.arguments, *(w for w, _ in found.middles)
-    column = builder.column([builder.replaced(n) for n in nodes])
+    column = builder.column(builder.replaced(nodes))
     owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
     column = ca.densify(column)
     narrow = NarrowFunction("arguments", symbols.inputs, column)

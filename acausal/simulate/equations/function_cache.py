@@ -98,7 +98,7 @@ class FunctionCache:
                 if blend not in self._observers:
                     self._observers[blend] = self._observer(blend)
                 symbols, builder = self._observers[blend]
-                y = builder.column([builder.replaced(self.compiled.columns[k]) for k in columns])
+                y = builder.column(builder.replaced(self.compiled.columns[k] for k in columns))
                 while len(self._observed) >= _MOST_OBSERVED:
                     del self._observed[next(iter(self._observed))]
                 self._observed[columns, blend] = Observing(symbols, ca.densify(y))
@@ -167,7 +167,7 @@ class FunctionCache:
         s = Symbols(self.compiled)
         builder = s.builder(self.compiled)
         builder.define([], self.compiled.rewritten)
-        column = ca.vertcat(*builder.lower([builder.replaced(n) for n in self.switched]))
+        column = ca.vertcat(*builder.lower(builder.replaced(self.switched)))
         return BufferedFunction(ca.Function("switched", [s.t, s.p, s.m], [ca.densify(column)]))
 
     @cached_property

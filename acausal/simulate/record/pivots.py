@@ -74,7 +74,7 @@ def _pivots(compiled: CompiledModel) -> Any:
         s = Symbols(compiled)
         builder = s.builder(compiled)
         builder.define(definitions, compiled.rewritten)
-        column = ca.vertcat(*builder.lower([builder.replaced(n) for n in nodes])) if nodes else None
+        column = ca.vertcat(*builder.lower(builder.replaced(nodes))) if nodes else None
         _known[compiled] = None if column is None else ca.Function("pivots", s.inputs, [ca.densify(column)])
     return _known[compiled]
 

@@ -105,7 +105,7 @@ class _Balance:
         open_ = Symbols.builder(s, compiled)
         open_.define([], compiled.rewritten)
         open_.know(unknowns, y)
-        residuals = open_.column([open_.replaced(structure.residuals[e]) for e in self.rows])
+        residuals = open_.column(open_.replaced(structure.residuals[e] for e in self.rows))
         rates = open_.column(structure.rates(compiled.state_variables))
         self.values = ca.Function("values", s.inputs, [ca.densify(values)])
         self.slopes = ca.Function("slopes", [*s.inputs, y], [ca.jacobian(residuals, y), ca.jacobian(rates, y)])
