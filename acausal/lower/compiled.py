@@ -14,7 +14,7 @@ from acausal.analyse.delays import PADE, refuse_delays
 from acausal.flatten.instances.instances import changing
 from acausal.lower.build import Builder, Symbols
 from acausal.lower.casadi_model import CasadiModel
-from acausal.lower.columns.mapped import Mapped, mapped
+from acausal.lower.columns.mapped import LEAST, Mapped, mapped
 from acausal.lower.events.functions import EventFunctions, just_after
 from acausal.lower.lowered import Lowered
 from acausal.providers import provided
@@ -72,6 +72,8 @@ class CompiledModel(Lowered):
 
         `zeros` are the indices of parameters taken as zero, whatever p holds.
         """
+        if self.varied or self.driven or self.delays or self.rhs.n_instructions() < LEAST:
+            return None
         if zeros not in self._mapped:
             self._mapped[zeros] = mapped(self, frozenset(zeros))
         return self._mapped[zeros]

@@ -68,8 +68,6 @@ def mapped(compiled: Lowered, zeros: frozenset[int]) -> Mapped | None:
 
     `zeros`: Indices of parameters that are zero, whatever p holds.
     """
-    if compiled.varied or compiled.driven or compiled.delays or compiled.rhs.n_instructions() < LEAST:
-        return None
     with collector_paused():
         program = _Program(compiled, zeros)
     if program.patterns.divided or not pays(program.patterns):
