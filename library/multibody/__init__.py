@@ -19,6 +19,7 @@ from acausal.library.multibody.forces import WorldForce as WorldForce
 from acausal.library.multibody.forces import WorldTorque as WorldTorque
 from acausal.library.multibody.frames import Frame as Frame
 from acausal.library.multibody.gravity import point_field as point_field
+from acausal.library.multibody.gravity import uniform_field as uniform_field
 from acausal.library.multibody.joints import FreeMotion as FreeMotion
 from acausal.library.multibody.joints import GearConstraint as GearConstraint
 from acausal.library.multibody.joints import Prismatic as Prismatic

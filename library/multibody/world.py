@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from acausal import Component, Equations, Expr, Real, identity, outer, parameter, root, structural
+from acausal.errors import DeclarationError
 from acausal.library.multibody.frames import Frame
-from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, field_of_world, uniform_field
+from acausal.library.multibody.gravity import STANDARD_GRAVITY, Field, PointField, field_of_world, uniform_field
 from acausal.library.multibody.orientation import Vector, unit_vector
 
 
@@ -31,6 +32,7 @@ class World(Component):
         yield root(self.frame_b)
 
     def equations(self) -> Equations:
+        _refuse_vector(self, self.gravity)
         yield self.frame_b.r_0 == 0
         yield self.frame_b.R == identity(3)
         yield self.frame_b.w == 0
@@ -48,4 +50,16 @@ class PartialHeavy(Component):
     def gravity_at(self, r_0: Expr) -> Expr:
         """Acceleration of gravity [m/s2] at `r_0` [m], both vectors of 3 in world axes; known in `equations`."""
         field = self.world.gravity if self.gravity is field_of_world else self.gravity
+        _refuse_vector(self, field)
         return field(self.g_0, r_0)
+
+
+def _refuse_vector(component: Component, field: Field) -> None:
+    """Refuse a `g_0` that was given where the field is that of a point mass, which has no vector (AC130)."""
+    if isinstance(field, PointField) and "g_0" in component.__dict__["_given"]:
+        raise DeclarationError(
+            "AC130",
+            f"{type(component).__name__}: g_0 is given, and has no effect in the field of a point mass",
+            cause="the vector g_0 is that of a uniform field; this one is given by its mass and the place alone",
+            help="leave g_0 out, or give the body a field of its own, too: gravity=uniform_field",
+        )

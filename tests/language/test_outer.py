@@ -20,6 +20,7 @@ from acausal.library.multibody import (
     World,
     point_field,
     quaternion,
+    uniform_field,
 )
 
 
@@ -215,6 +216,25 @@ def test_a_field_of_the_world() -> None:
 
     result = acausal.simulate(Orbit(), stop_time=3.141592653589793, tolerance=1e-9)
     assert result.final("body.r_0[0]") == pytest.approx(-2.0, abs=1e-6)
+
+
+def test_a_vector_of_gravity_in_the_field_of_a_point_mass_is_refused_and_not_ignored() -> None:
+    """A body may have the uniform field that a vector belongs to: it falls by g t**2 / 2."""
+
+    class Near(Component):
+        world: World = World(gravity=point_field(8.0))
+        body: PointMass = part()
+
+    start: dict[str, Any] = {"m": 1.0, "r_0": fixed((2.0, 0.0, 0.0)), "v_0": fixed((0.0, 0.0, 0.0))}
+    for wrong in (
+        Near(body=PointMass(g_0=(0.0, 0.0, -3.0), **start)),
+        Near(world=World(g_0=(0.0, 0.0, -3.0), gravity=point_field(8.0)), body=PointMass(**start)),
+    ):
+        with pytest.raises(DeclarationError, match="g_0 is given, and has no effect"):
+            acausal.compile(wrong)
+    body = PointMass(g_0=(0.0, 0.0, -3.0), gravity=uniform_field, **start)
+    result = acausal.simulate(Near(body=body), stop_time=1.0)
+    assert result.final("body.r_0").tolist() == pytest.approx([2.0, 0.0, -1.5])
 
 
 def test_a_body_in_a_subassembly_of_another_model() -> None:
