@@ -109,7 +109,8 @@ def linearize(
 
     Algebraic variables are eliminated by the implicit function theorem. So are dependent states of stabilised
     constraints (closed loops of joints): the states of the result are a set of independent ones, chosen so that the
-    others are well conditioned functions of them at the point.
+    others are well conditioned functions of them at the point. Discrete variables are no states: they change at events
+    only, and keep the values that they have at the point.
 
     Parameters
     ----------
@@ -120,8 +121,8 @@ def linearize(
         time, the values after it are used. Without `result` the states are those of the start at any time: nothing is
         simulated.
     x
-        Values of states by name; other states have the values of the start or of `result`, projected onto the
-        constraints.
+        Values of states and discrete variables by name; other states have the values of the start or of `result`,
+        projected onto the constraints.
     result
         A run of this model, from which states, inputs and parameters are taken at time `t`.
     inputs
@@ -152,13 +153,13 @@ def linearize(
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {}, lasting)
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
-    places = list(least.places)
+    places = [k for k in least.places if k < len(compiled.states) - compiled.discretes]
     point = start.x, start.z, u
     slopes = slopes_of_both_sides(
         compiled, t, _slopes_of(compiled, wanted, t, p), point, least, [o.name for o in wanted]
     )
     A, B, C, D = slopes.matrices
-    by_coordinates, by_inputs = least.of_coordinates, least.of_inputs
+    by_coordinates, by_inputs = least.of_coordinates[:, : len(places)], least.of_inputs  # discrete ones come last
     return Linearization(
         compiled.name,
         t,

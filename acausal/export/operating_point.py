@@ -66,6 +66,8 @@ def operating_point(
 ) -> OperatingPoint:
     """Find states at which all rates are zero, by a trust-region Gauss-Newton method from the model's start.
 
+    Discrete variables keep the values of the start, or of `guess`: what changes at events only is no unknown.
+
     Parameters
     ----------
     t
@@ -103,11 +105,13 @@ def operating_point(
             u[compiled.inputs.index(name)] = value
         else:
             start.x[_place(compiled, name, compiled.states, "state")] = value
-    search = _Search(compiled, wanted, np.array(list((outputs or {}).values())), when, p, u, places)
-    found = search.solve(np.concatenate([start.x, start.z, u[places]]))
+    first, aim = np.concatenate([start.x, start.z, u[places]]), np.array(list((outputs or {}).values()))
+    search = _Search(compiled, wanted, aim, when, p, u, places, first)
+    found = search.solve()
     if found is None:
         raise _no_steady_state(compiled, search)
     nx = len(start.x)
+    names = [*compiled.states, *compiled.algebraic, *free]
     return OperatingPoint(
         compiled.name,
         when,
@@ -115,12 +119,15 @@ def operating_point(
         dict(zip(compiled.algebraic, found[nx : nx + len(start.z)].tolist(), strict=True)),
         dict(zip(compiled.inputs, search.inputs(found).tolist(), strict=True)),
         dict(zip((o.name for o in wanted), search.at(found)["y"].ravel().tolist(), strict=True)),
-        (*notes, *_undetermined(search.jacobian(found / search.scale), [*compiled.states, *compiled.algebraic, *free])),
+        (*notes, *_undetermined(search.jacobian(search.reduced(found)), [names[k] for k in search.moving])),
     )
 
 
 class _Search:
-    """Least-squares problem: rates, residuals and deviations of outputs as functions of (x, z, free inputs)."""
+    """Least-squares problem: rates, residuals and deviations of outputs as functions of (x, z, free inputs).
+
+    The unknowns w, shape (n,), are those at the indices `moving` of (x, z, free inputs): all but discrete variables.
+    """
 
     def __init__(
         self,
@@ -131,8 +138,11 @@ class _Search:
         p: Vector,
         u: Vector,
         places: Sequence[int],
+        first: Vector,
     ) -> None:
         self.compiled, self.aim, self.when, self.p, self.u, self.places = compiled, aim, when, p, u, list(places)
+        self.first, nx = first, len(compiled.states)
+        self.moving = np.array([k for k in range(len(first)) if not nx - compiled.discretes <= k < nx], dtype=int)
         self.functions = ["ode", "alg", "y"] if aim.size else ["ode", "alg"]
         slopes = [f"jac:{f}:{v}" for f in self.functions for v in ("x", "z", "u")]
         dae = dae_function(compiled, wanted)
@@ -161,36 +171,47 @@ class _Search:
         values = self.function(self.when, here[:nx], here[nx : nx + nz], self.inputs(here), self.p)
         return {name: np.array(v) for name, v in zip(self.function.name_out(), values, strict=True)}
 
+    def reduced(self, here: Vector) -> Vector:
+        """The scaled unknowns of the point `here`, shape (nx + nz + n_free,)."""
+        unknowns: Vector = (here / self.scale)[self.moving]
+        return unknowns
+
+    def point(self, w: Vector) -> Vector:
+        """The point, shape (nx + nz + n_free,), of scaled unknowns."""
+        here = self.first.copy()
+        here[self.moving] = np.asarray(w) * self.scale[self.moving]
+        return here
+
     def residual(self, w: Vector) -> Vector:
-        """Scaled residual, shape (nx + nz + n_outputs,), at the scaled point `w`, shape (nx + nz + n_free,)."""
-        found = self.at(np.asarray(w) * self.scale)
+        """Scaled residual, shape (nx + nz + n_outputs,), at scaled unknowns."""
+        found = self.at(self.point(w))
         missed: Vector = found["y"].ravel() - self.aim if self.aim.size else np.zeros(0)
         rest: Vector = np.concatenate([found["ode"].ravel(), found["alg"].ravel(), missed]) / self.size
         return rest
 
     def jacobian(self, w: Vector) -> Vector:
-        """Jacobian of `residual`, shape (nx + nz + n_outputs, nx + nz + n_free)."""
-        found = self.at(np.asarray(w) * self.scale)
+        """Jacobian of `residual`, shape (nx + nz + n_outputs, n)."""
+        found = self.at(self.point(w))
         rows = [
             np.hstack([found[f"jac_{f}_x"], found[f"jac_{f}_z"], found[f"jac_{f}_u"][:, self.places]])
             for f in self.functions
         ]
-        scaled: Vector = np.vstack(rows) * self.scale / self.size[:, None]
+        scaled: Vector = (np.vstack(rows) * self.scale / self.size[:, None])[:, self.moving]
         return scaled
 
-    def solve(self, begin: Vector) -> Vector | None:
-        """The point, shape as `begin`, or None; further attempts start beside it, in case it is a stationary point."""
+    def solve(self) -> Vector | None:
+        """The point, or None; further attempts start beside the first one, in case it is a stationary point."""
         from scipy.optimize import least_squares
 
         compiled = self.compiled
         declared = [compiled.flat.declaration(compiled.flat.inputs[k]) for k in self.places]
-        open_ended = np.full(len(begin) - len(declared), np.inf)
-        low = np.concatenate([-open_ended, [d.min for d in declared]]) / self.scale
-        high = np.concatenate([open_ended, [d.max for d in declared]]) / self.scale
+        open_ended = np.full(len(self.first) - len(declared), np.inf)
+        low = self.reduced(np.concatenate([-open_ended, [d.min for d in declared]]))
+        high = self.reduced(np.concatenate([open_ended, [d.max for d in declared]]))
         beside = np.random.default_rng(0)
         for attempt in range(_ATTEMPTS):
-            off = 0.2 * attempt * beside.uniform(-1.0, 1.0, len(begin))
-            first = np.clip(begin / self.scale + off, low, high)
+            off = 0.2 * attempt * beside.uniform(-1.0, 1.0, len(low))
+            first = np.clip(self.reduced(self.first) + off, low, high)
             if not np.isfinite(self.residual(first)).all():
                 continue
             options = {"ftol": 1e-15, "xtol": 1e-15, "gtol": 1e-15, "max_nfev": _MOST}
@@ -199,8 +220,7 @@ class _Search:
             if not self.left.size or np.abs(found.fun).max() < np.abs(self.left).max():
                 self.left = np.asarray(found.fun)
             if np.abs(found.fun).max() <= _ZERO:
-                point: Vector = np.asarray(found.x) * self.scale
-                return point
+                return self.point(found.x)
         return None
 
 

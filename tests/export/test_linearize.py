@@ -11,7 +11,21 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, sqrt, unitless, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    discrete,
+    fixed,
+    guess,
+    quantity,
+    signal_input,
+    sqrt,
+    unitless,
+    variable,
+    where,
+)
 from acausal.errors import UsageError
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.oscillator import Oscillator
@@ -174,3 +188,27 @@ def test_a_relation_in_an_algebraic_loop_is_decided_at_the_point() -> None:
         ):
             assert found.y[0] == pytest.approx(b, abs=1e-7)
             assert found.C[0, 0] == pytest.approx(slope, rel=1e-9)
+
+
+class Loaded(Component):
+    """A mass of 1 kg on a spring whose stiffness only events change, of which there are none."""
+
+    k: Real = discrete(unit="N/m", default=fixed(4.0))
+    x: Real = variable(unit="m", default=guess(1.0))
+    v: Real = variable(unit="m/s", default=guess(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == (quantity(8.0, "N") - self.k * self.x) / quantity(1.0, "kg")
+
+
+def test_discrete_variables_are_parameters_of_the_motion() -> None:
+    """omega**2 = k/m and x = F/k, k as at the start or as given; a state that never moves would be a zero row of A."""
+    linear = acausal.linearize(Loaded())
+    assert linear.states == ("x", "v")
+    np.testing.assert_allclose(linear.A, [[0.0, 1.0], [-4.0, 0.0]], atol=1e-12)
+    assert acausal.linearize(Loaded(), x={"k": 9.0}).A[1, 0] == pytest.approx(-9.0)
+    for given, k in (({}, 4.0), ({"k": 16.0}, 16.0)):
+        point = acausal.operating_point(Loaded(), guess=given)
+        assert point.states == pytest.approx({"x": 8.0 / k, "v": 0.0, "k": k})
+        assert not point.notes

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, guess, variable
+from acausal import Component, Equations, Real, der, discrete, fixed, guess, quantity, variable
 from acausal.errors import ExportError
 from acausal.models.double_pendulum import DoublePendulum
 
@@ -70,3 +70,30 @@ def test_chosen_and_stabilised_states_have_the_same_modes() -> None:
         found.append(np.sort(linear.eigenvalues.imag))
     assert len(found[0]) == len(found[1]) == 4
     np.testing.assert_allclose(found[1], found[0], atol=1e-7)
+
+
+class Telescope(Component):
+    """A pendulum in x and y, whose length only events change."""
+
+    length: Real = discrete(unit="m", default=fixed(1.0))
+    x: Real = variable(unit="m", default=guess(0.6))
+    y: Real = variable(unit="m", default=guess(-0.8))
+    vx: Real = variable(unit="m/s")
+    vy: Real = variable(unit="m/s")
+    f: Real = variable(unit="1/s2")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.vx
+        yield der(self.y) == self.vy
+        yield der(self.vx) == -self.x * self.f
+        yield der(self.vy) == -self.y * self.f - quantity(9.81, "m/s2")
+        yield self.x**2 + self.y**2 == self.length**2
+
+
+def test_no_constraint_changes_a_discrete_variable() -> None:
+    """omega**2 = g / l; a place off the circle of the present length is refused, not a reason for another length."""
+    linear = acausal.linearize(Telescope(), x={"length": 1.2, "x": 0.0, "vx": 0.0})
+    assert linear.states == ("x", "vx")
+    np.testing.assert_allclose(linear.A, [[0.0, 1.0], [-9.81 / 1.2, 0.0]], atol=1e-12)
+    with pytest.raises(ExportError, match="AC609"):
+        acausal.linearize(Telescope(), x={"x": 0.0, "y": -1.2})

@@ -41,6 +41,8 @@ class Minimal:
 def minimal(compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vector, m: Vector) -> Minimal:
     """The best conditioned minimal coordinates at a point; all states without stabilised constraints.
 
+    Discrete variables are among them always: no constraint sets what only events change.
+
     `u`, `p`, `m`: shapes (nu,), (np,), (nm,). Raises ExportError: AC604 where the constraints are dependent.
     """
     nx = len(start.x)
@@ -64,7 +66,9 @@ def minimal(compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vecto
 
 def _dependent_states(compiled: CompiledModel, slope: Vector) -> list[int]:
     """Indices of the dependent states, preferably without a fixed start; `slope` is dg/dx scaled, shape (n_g, nx)."""
-    wished = np.array([0.01 if v in compiled.start.direct else 1.0 for v in compiled.state_variables])
+    moving = compiled.state_variables[: len(compiled.state_variables) - compiled.discretes]
+    slope = slope[:, : len(moving)]
+    wished = np.array([0.01 if v in compiled.start.direct else 1.0 for v in moving])
     best = _pivots(slope, np.ones(len(wished)))
     found = _pivots(slope, wished)
     if _condition(slope, found) <= _WORST * _condition(slope, best):
@@ -97,16 +101,18 @@ def on_constraints(
 ) -> Start:
     """The point on the constraints nearest to `start`.
 
-    States at the indices `held` keep their values; so do those with a fixed start, where that is possible.
+    States at the indices `held` and discrete variables keep their values; so do states with a fixed start, where that
+    is possible.
 
     Raises ExportError: AC609 where there is none.
     """
     if not compiled.solution.structure.invariants:
         return start
     fixed = {k for k, v in enumerate(compiled.state_variables) if v in compiled.start.direct}
-    found = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, {*held, *fixed})
+    still = {*held, *range(len(start.x) - compiled.discretes, len(start.x))}
+    found = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, {*still, *fixed})
     if found is None:
-        found = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, held)
+        found = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, still)
     if found is None:
         names = [f"{compiled.states[k]} = {start.x[k]:g}" for k in held]
         raise ExportError(
