@@ -366,7 +366,7 @@ class Component(Owner):
             if "_stands_in" in self.__dict__:
                 return self._stand_in_part(name)
             if name in self._declarations:  # a part that `build` has not created yet
-                raise not_made_yet(type(self), name)
+                raise not_made_yet(type(self), name, self.__dict__.get("_building", False))
             raise unknown_field(type(self), name)
 
     def _refuse_unmade(self) -> None:

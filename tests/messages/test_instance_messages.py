@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from acausal import Component, Equations, Real, connect, parameter, part, structural, variable
+from acausal.errors import AcausalError
 from acausal.flatten.flatten import flatten
 from acausal.language.connections.overconstrained import rooted
 from acausal.library import electrical, multibody, translational
@@ -35,6 +36,19 @@ def part_that_was_not_made() -> None:
         masses: list[Mass] = part()
 
         def build(self) -> None:
+            self.engine = Mass(m=1.0)
+
+    Train()
+
+
+@corpus.wrong("AC114", "'engine'", "self.truck = Mass(m=self.engine.m)")
+def part_that_build_reads_too_early() -> None:
+    class Train(Component):
+        engine: Mass = part()
+        truck: Mass = part()
+
+        def build(self) -> None:
+            self.truck = Mass(m=self.engine.m)
             self.engine = Mass(m=1.0)
 
     Train()
@@ -164,3 +178,10 @@ def test_a_list_of_parts_can_grow_in_build() -> None:
                 self.masses.append(Mass(m=1.0))
 
     assert str(Train().masses[1].s) == "masses[1].s"
+
+
+def test_a_part_that_build_reads_too_early_is_no_matter_of_defaults() -> None:
+    with pytest.raises(AcausalError) as caught:
+        part_that_build_reads_too_early()
+    assert "`build` reads it before it makes it" in str(caught.value)
+    assert "defaults" not in str(caught.value)

@@ -325,8 +325,15 @@ def annotation_of(cls: type[Owner], name: str) -> str:
     return "..."
 
 
-def not_made_yet(cls: type[Owner], name: str) -> DeclarationError:
-    """The error for a part that a default reads."""
+def not_made_yet(cls: type[Owner], name: str, building: bool) -> DeclarationError:
+    """The error for a part that a default reads, or `build` above the line that makes it."""
+    if building:
+        return DeclarationError(
+            "AC114",
+            f"{cls.__name__}: part '{name}' is not made yet",
+            cause="`build` reads it before it makes it, and its lines run in order; only `equations` see all parts",
+            help=f"move the line `self.{name} = {annotation_of(cls, name)}` above the one that reads it",
+        )
     return DeclarationError(
         "AC114",
         f"{cls.__name__}: part '{name}' is not made yet",
