@@ -40,6 +40,7 @@ from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
+from acausal.simulate.record.singular import singular_positions
 from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, share_of
@@ -207,6 +208,7 @@ class Run:
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
         controlled = not self.solver.fixed_step and opts.step is None
         unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
+        unknown = (*unknown, *singular_positions(recorder))
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.finished(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
