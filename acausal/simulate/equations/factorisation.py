@@ -32,38 +32,34 @@ _DOUBT = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Factorisation:
-    """CasADi's linear solver, and the orders of states and algebraic variables that it needs; None: as they are."""
+    """The orders of states and algebraic variables for CSparse's LU."""
 
-    plugin: str = "qr"
-    x: Order | None = None
-    z: Order | None = None
+    x: Order
+    z: Order
 
     def settings(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         """An integrator's options: those that hold a number for each variable in the order that is used."""
-        found = {**settings, "linear_solver": self.plugin}
-        if self.x is not None and self.z is not None:
-            if "init_xdot" in found:
-                found["init_xdot"] = np.array(found["init_xdot"])[self.x].tolist()
-            if "abstolv" in found:
-                found["abstolv"] = np.array(found["abstolv"])[[*self.x, *(len(self.x) + self.z)]].tolist()
+        found = {**settings, "linear_solver": "csparse"}
+        if "init_xdot" in found:
+            found["init_xdot"] = np.array(found["init_xdot"])[self.x].tolist()
+        if "abstolv" in found:
+            found["abstolv"] = np.array(found["abstolv"])[[*self.x, *(len(self.x) + self.z)]].tolist()
         return found
 
     def there(self, x: Vector, z: Vector) -> tuple[Vector, Vector]:
         """A point in the order that is used."""
-        return (x, z) if self.x is None else (x[self.x], z[self.z])
+        return x[self.x], z[self.z]
 
     def back(self, x: Vector, z: Vector) -> tuple[Vector, Vector]:
         """Rows over time in the order of the model."""
-        if self.x is None or self.z is None:
-            return x, z
         return x[:, np.argsort(self.x)], z[:, np.argsort(self.z)] if z.size else z
 
 
-def factorisation(pattern: Any, n: int) -> Factorisation:
-    """The cheapest one of a square matrix with this pattern, whose first `n` unknowns are states."""
+def factorisation(pattern: Any, n: int) -> Factorisation | None:
+    """The cheapest one of a square matrix with this pattern, whose first `n` unknowns are states; None is plain QR."""
     size = pattern.size1()
     if size <= FEW:
-        return Factorisation()
+        return None
     whole = ca.Sparsity.diag(size) + pattern + pattern.T
     _, order = whole.ldl(True)
     place = np.array(order, dtype=np.int64)
@@ -74,8 +70,8 @@ def factorisation(pattern: Any, n: int) -> Factorisation:
     lu *= _DOUBT if size > n else 1.0
     longest = float(np.bincount(np.array(pattern.row(), dtype=np.int64), minlength=size).max())
     if lu < _QR[1] * longest**2 / 2.0 or lu < _cost_of_qr(pattern):
-        return Factorisation("csparse", x, z - n)
-    return Factorisation()
+        return Factorisation(x, z - n)
+    return None
 
 
 def _cost_of_qr(pattern: Any) -> float:

@@ -226,21 +226,19 @@ class ScaledEquations:
         return limited(self.dae)
 
     @cached_property
-    def factorisation(self) -> Factorisation:
-        """How the Newton matrices of `dae` are factorised."""
+    def factorisation(self) -> Factorisation | None:
+        """How the Newton matrices of `dae` are factorised; None by QR, with the variables as they come."""
         if self.n + self.nz <= FEW:
-            return Factorisation()
+            return None
         dae = self.dae
         places = (("ode", "x"), ("ode", "z"), ("alg", "x"), ("alg", "z")) if self.nz else (("ode", "x"),)
         blocks = [ca.DM(dae.jac_sparsity(dae.index_out(f), dae.index_in(v))) for f, v in places]
         whole = ca.blockcat([blocks[:2], blocks[2:]]) if self.nz else blocks[0]
         return factorisation((whole + ca.DM.eye(self.n + self.nz)).sparsity(), self.n)
 
-    def reordered(self, dae: Any) -> Any:
-        """One of these forms with its variables in the order of `factorisation`."""
-        x, z = self.factorisation.x, self.factorisation.z
-        if x is None or z is None:
-            return dae
+    def reordered(self, dae: Any, order: Factorisation) -> Any:
+        """One of these forms with its variables in the order of its `factorisation`."""
+        x, z = order.x, order.z
         key = int(dae.__hash__())
         if key not in self._reordered:
             kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX

@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.simulate.clock import seconds
-from acausal.simulate.equations.factorisation import Factorisation
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import time_ends
 from acausal.simulate.equations.problem import Problem
@@ -167,12 +166,14 @@ class CasadiSolver:
         if segment.shares is not None:
             dae = equations.stretched(dae) if library is None else dae
             settings, grid = in_shares(segment, settings), UNIT * segment.shares
-        order, began = Factorisation(), seconds()
+        order, began = None, seconds()
         if self.multistep:
+            settings = {**settings, "linear_solver": "qr"}
             # what is compiled is small, and a wrapped library has no derivatives; a rootfinder's are not sparse
             if library is None and (self.algebraic or not problem.compiled.algebraic):
-                order, dae = equations.factorisation, equations.reordered(dae)
-            settings, (x0, z0) = order.settings(settings), order.there(x0, z0)
+                order = equations.factorisation
+        if order is not None:
+            dae, settings, (x0, z0) = equations.reordered(dae, order), order.settings(settings), order.there(x0, z0)
         may, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
         integrator = equations.integrator(self.plugin, dae, grid, settings, native=may, by_columns=may and by_columns)
         making = seconds() - began
@@ -182,11 +183,11 @@ class CasadiSolver:
         try:
             (x, z), stats = integrator({**arguments, **more}, ("xf", "zf"), partial=segment.partial)
         except Interrupted as stop:
-            stop.rows = order.back(*stop.rows) if stop.rows else ()
+            stop.rows = order.back(*stop.rows) if stop.rows and order is not None else stop.rows
             if stop.rows and units is not None:
                 stop.rows = stop.rows[0], stop.rows[1] * units
             raise
-        x, z = order.back(x, z)
+        x, z = (x, z) if order is None else order.back(x, z)
         z = z if units is None else z * units
         reused = equations.reused(self.plugin, dae, may)
         if reused is not None:
