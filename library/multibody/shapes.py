@@ -19,6 +19,7 @@ from acausal import (
     norm,
     parameter,
     potential_root,
+    quantity,
     structural,
     unitless,
     variable,
@@ -150,12 +151,23 @@ class BodyBox(PartialLongBody):
         return self.m / 12 * (about_x * _outer(x) + about_y * _outer(y) + about_z * _outer(z))
 
 
+_NO_TORQUE = quantity(1e-11, "N.m")
+"""Rounding of a torque; not by the force, which would keep an assertion where there is no torque at all."""
+_TURNED = (
+    "a torque acts on what is fixed to it, and a point mass has no inertia to turn with: its axes would stand still; "
+    "connect a Body with an inertia, in its place or beside it"
+)
+
 _PARALLEL = 1e-6
 """Sine of the angle below which two directions are taken for one: of their cross product no digits would be left."""
 
 
 class PointMass(PartialHeavy):
-    """Point mass, which has a position and a velocity but no orientation."""
+    """Point mass, which has a position and a velocity but no orientation.
+
+    Forces may act on it from any side; where a rod is fixed to it, something else has to say how that turns: a joint
+    with angles, or a Body. A torque that nothing answers ends the run.
+    """
 
     frame_a: Frame = Frame()
     r_0: Real = variable(unit="m", shape=3, doc="Position, in world axes")
@@ -174,8 +186,11 @@ class PointMass(PartialHeavy):
         yield self.a_0 == der(self.v_0)
         yield a.f == self.m * (a.R.T @ (self.a_0 - self.gravity_at(self.r_0)))
         if is_root(a):
+            # Its axes do not turn, which is a matter of choice as long as nothing else has an orientation there. What
+            # would turn them would be held without a word: a point mass on a rod would not fall.
             yield a.R == identity(3)
             yield a.w == 0
+            yield assert_(dot(a.t, a.t) <= _NO_TORQUE**2, _TURNED)
         else:
             yield a.t == 0
 

@@ -10,15 +10,18 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Result, connect, fixed, part
+from acausal.errors import EventError
 from acausal.library.multibody import (
     Body,
     BodyShape,
+    FixedTranslation,
     Force,
     FrameForce,
     FrameTorque,
     FreeMotion,
     PointMass,
     ResolveIn,
+    Spherical,
     Spring,
     Torque,
     World,
@@ -224,3 +227,52 @@ def test_two_masses_on_a_spring_oscillate_with_their_reduced_mass() -> None:
     np.testing.assert_allclose(result["spring.s"], 0.7 + 0.3 * np.cos(omega * result.time), atol=1e-7)
     centre = (result["one.r_0"] + 3 * result["two.r_0"]) / 4
     np.testing.assert_allclose(centre, np.broadcast_to([0.0, 0.45, 0.6], centre.shape), atol=1e-8)
+
+
+class Rod(Component):
+    """A point mass at the end of a rod, on a ball joint: nothing but the rod says how it is turned."""
+
+    world: World = part()
+    joint: Spherical = Spherical()
+    rod: FixedTranslation = FixedTranslation(r=(1.0, 0.0, 0.0))
+    load: PointMass = PointMass(m=1.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.joint.frame_a)
+        yield connect(self.joint.frame_b, self.rod.frame_a)
+        yield connect(self.rod.frame_b, self.load.frame_a)
+
+
+class Twisted(Component):
+    """A torque on a point mass."""
+
+    load: PointMass = PointMass(m=1.0, r_0=REST, v_0=REST)
+    torque: WorldTorque = WorldTorque(torque=(0.0, 0.1, 0.0))
+
+    def equations(self) -> Equations:
+        yield connect(self.load.frame_a, self.torque.frame_b)
+
+
+@pytest.mark.parametrize("model", [Rod(world=World()), Twisted()])
+def test_a_point_mass_takes_no_torque(model: Component) -> None:
+    """The mass hung level in the air, at rest, held by the torque that its axes took."""
+    with pytest.raises(EventError, match="a point mass has no inertia to turn with"):
+        acausal.simulate(model, stop_time=1.0)
+
+
+def test_a_rod_turns_where_a_body_or_a_joint_says_how() -> None:
+    """A uniform force at one end of a dumbbell of two masses m: w' = F / (m l), the centre moves by F / (2 m)."""
+
+    class Dumbbell(Component):
+        world: World = World(g=0.0)
+        one: Body = Body(m=1.0, r_0=REST, v_0=REST, w_a=REST, Q=UPRIGHT, I_11=1e-9, I_22=1e-9, I_33=1e-9)
+        rod: FixedTranslation = FixedTranslation(r=(1.0, 0.0, 0.0))
+        two: PointMass = PointMass(m=1.0)
+        push: FrameForce = FrameForce(force=(0.0, 1.0, 0.0))
+
+        def equations(self) -> Equations:
+            yield connect(self.one.frame_a, self.rod.frame_a)
+            yield connect(self.rod.frame_b, self.two.frame_a, self.push.frame_b)
+
+    result = run(Dumbbell(), 0.5)
+    assert result.final("one.w_a[2]") == pytest.approx(0.5, rel=1e-6)

@@ -24,6 +24,7 @@ from acausal.analyse.events.underflow import without_underflow
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
+from acausal.numeric.evaluate import values
 
 # Operations that are events or are rewritten because of one; expressions without them need no search.
 _EVENTFUL = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
@@ -406,8 +407,15 @@ def _assignments(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[As
             yield Assignment(found[0], reduced.pool.neg(node) if found[1] else node, str(equation.source))
 
 
+_SETTLED = frozenset(("const", "neg", "add", "sub", "mul", "div", "pow", *RELATIONS, "and", "or", "not"))
+
+
 def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
+    """Assertions, but those that hold whatever happens: of a torque that no connection lets act."""
     for flat, node in zip(reduced.flat.asserts, reduced.asserts, strict=True):
+        is_settled = all(reduced.pool.nodes[n][0] in _SETTLED for n in reduced.pool.reachable([node]))
+        if is_settled and values(reduced.pool, [node], {})[node]:
+            continue
         yield Assert(node, flat.message, flat.level, flat.component, flat.origin.span())
 
 
