@@ -66,8 +66,15 @@ class Span:
 
 
 _PACKAGE = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_PYTHON = os.path.dirname(os.path.abspath(os.__file__)) + os.sep
 _COMMAND_LINE = _PACKAGE + "cli" + os.sep
 _MODELLERS = tuple(_PACKAGE + name + os.sep for name in ("library", "models"))
+
+
+def _only_calls(file: str) -> bool:
+    """Whether a file is of Python's library or of numpy, which call what others wrote."""
+    is_of_python = file.startswith(_PYTHON) and "site-packages" not in file and "dist-packages" not in file
+    return is_of_python or f"{os.sep}numpy{os.sep}" in file
 
 
 def calling_span() -> tuple[Span, ...]:
@@ -85,6 +92,7 @@ def calling_span() -> tuple[Span, ...]:
         if (
             not is_made
             and not file.startswith("<frozen")
+            and not _only_calls(file)
             and (not file.startswith(_PACKAGE) or file.startswith(_MODELLERS))
         ):
             innermost = innermost or (Span(file, frame.f_lineno),)

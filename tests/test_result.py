@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +104,20 @@ def test_unknown_name_names_the_nearest() -> None:
         make()["mas.s"]
     assert caught.value.code == "AC010"
     assert "mass.s" in caught.value.evidence[0]
+
+
+@pytest.mark.parametrize("key", [0, ["mass.s"], None, slice(0, 1)])
+def test_what_is_no_name_is_refused(key: Any) -> None:
+    with pytest.raises(UsageError, match="is no name of a signal"):
+        make()[key]
+    assert key not in make()
+
+
+def test_at_takes_the_time_first() -> None:
+    wrong: Any = "mass.s"
+    with pytest.raises(UsageError, match="takes times") as caught:
+        make().at(wrong, "mass.s")
+    assert caught.value.code == "AC011"
 
 
 def test_an_array_with_a_gap_is_unknown() -> None:

@@ -16,7 +16,7 @@ from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.declarations.misuse import Declared, declared_at
 from acausal.language.expressions.dimensions import check_dimensions
-from acausal.language.expressions.expression import Equation, Expr, Shape, Symbol
+from acausal.language.expressions.expression import Equation, Expr, Shape, Symbol, shape_text
 from acausal.language.statement import Origin
 from acausal.units import convert
 
@@ -74,12 +74,29 @@ class ParameterTable:
             return self._free(
                 path, declaration, entries(path, declaration.shape, self.overrides[path], declaration.unit)
             )
+        single: dict[int, float] = (
+            {}
+            if not self.overrides
+            else {
+                k: entries(path + s, (), self.overrides[path + s], declaration.unit)[0]
+                for k, s in enumerate(suffixes(declaration.shape))
+                if path + s in self.overrides
+            }
+        )
         value: Expr | None = instance.component.__dict__["_values"].get(name)
         if value is None:
             raise _missing([(instance, name, declaration)])
         if value.op == "const":
             payload = value.payload if isinstance(value.payload, tuple) else (value.payload,)
-            return self._free(path, declaration, payload, instance)
+            return self._free(path, declaration, [single.get(k, v) for k, v in enumerate(payload)], instance)
+        if single:
+            names = ", ".join(path + suffix(declaration.shape, k) for k in single)
+            raise UsageError(
+                "AC022",
+                f"{names} cannot be set alone: {path} is bound as a whole, to `{value}`",
+                where=(instance.origin_of_value(name).span(),),
+                help=f"set all of it: parameters={{{path!r}: [...]}}",
+            )
         if path in self._resolving:
             raise self._cyclic_binding(path)
         refuse_time(path, value, instance.origin_of_value(name))
@@ -228,7 +245,7 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
     }
     parameters = [n for n, kind in known.items() if kind is Kind.PARAMETER]
     for path in overrides:
-        if known.get(path) is Kind.PARAMETER:
+        if known.get(path) is Kind.PARAMETER or _is_entry(path, all_instances):
             continue
         if path in known:
             kind = known[path]
@@ -244,6 +261,18 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
             evidence=meant(path, parameters),
             help="list them with: acausal info MODEL",
         )
+
+
+def _is_entry(path: str, all_instances: Sequence[Instance]) -> bool:
+    """Whether a path names an entry of a parameter that is a vector or a matrix: `d[1]`."""
+    base, bracket, _ = path.rpartition("[")
+    owner, _, name = base.rpartition(".")
+    return bool(bracket) and any(
+        declaration.kind is Kind.PARAMETER and path[len(base) :] in suffixes(declaration.shape)
+        for instance in all_instances
+        if instance.prefix.removesuffix(".") == owner
+        if (declaration := instance.component._declarations.get(name)) is not None and declaration.shape
+    )
 
 
 def _missing(parameters: Sequence[tuple[Instance, str, Declaration]]) -> DeclarationError:
@@ -282,7 +311,7 @@ def refuse_time(user: str, value: Expr, origin_of_value: Origin | Declared) -> N
 def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, ...]:
     """Values of a variable's entries, row-major, from numbers in `unit` or texts with a unit: 2.5, "25 mm".
 
-    One number fills a vector or a matrix.
+    One number fills a vector or a matrix. Rows of numbers have the shape of the matrix; one list has its rows in turn.
 
     Raises UsageError: AC023 for anything else.
     Raises UnitError: AC150 to AC152 for the unit of a text.
@@ -292,6 +321,13 @@ def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, .
     except (TypeError, ValueError):
         raise UsageError("AC023", f"{path} cannot be {value!r}", help=f"give {_wanted(shape)}") from None
     size = math.prod(shape)
+    rows = _rows(value)
+    if len(shape) == 2 and len(numbers) == size and rows and rows != [shape[1]] * shape[0]:
+        raise UsageError(
+            "AC023",
+            f"{path} is a {shape_text(shape)}, and rows of {' and '.join(map(str, sorted(set(rows))))} are given",
+            help=f"give {shape[0]} rows of {shape[1]} numbers",
+        )
     if len(numbers) == size or len(numbers) == 1:
         return numbers if len(numbers) == size else numbers * size
     raise UsageError("AC023", f"{path} takes {_wanted(shape)}, {len(numbers)} were given")
@@ -311,6 +347,14 @@ def _numbers(path: str, value: Any, unit: str) -> tuple[float, ...]:
             fact = error.fact if error.fact.startswith(path) else f"{path} = {value!r}: {error.fact}"
             raise UnitError(error.code, fact, evidence=error.evidence, cause=error.cause, help=error.help) from None
     raise TypeError
+
+
+def _rows(value: Any) -> list[int]:
+    """Lengths of the rows of nested lists or an array; none for numbers and a single list of them."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(value, list | tuple):
+        return []
+    return [len(row) for row in value if isinstance(row, list | tuple)]
 
 
 def _wanted(shape: Shape) -> str:

@@ -13,7 +13,7 @@ def unheard_parameters(flat: FlatSystem, names: Iterable[str]) -> tuple[str, ...
     The strength of a gravity whose vector has a value of its own, the time constant of a part of a controller that is
     left out: no error, as studies set one parameter of many variants, but runs that are equal would pass for a result.
     """
-    asked = {name.partition("[")[0] for name in names}
+    asked = {part for name in names for part in (name, name.rpartition("[")[0])}
     return tuple(
         f"{p.path} is set, and nothing in the model depends on it"
         for p in flat.parameters

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.errors import DeclarationError
+from acausal.errors import DeclarationError, Span
 from acausal.language.expressions.expression import Shape, shape_text
 from acausal.language.expressions.external import External
 from acausal.language.expressions.lookup import Lookup
@@ -24,7 +24,7 @@ def function(external: External) -> Any:
     Raises
     ------
     DeclarationError
-        AC163 when the factory's function has other inputs or outputs than declared.
+        AC163 when the factory raises, or returns something else than a function with the declared inputs and outputs.
     """
     if external not in _FUNCTIONS:
         if isinstance(external, Lookup):
@@ -70,13 +70,27 @@ def _rows(matrix: Any) -> Any:
 
 def _make_declared(external: External) -> Any:
     """The factory's function, compared with the declared shapes."""
-    f = external.factory()
+    code = getattr(external.factory, "__code__", None)
+    where = () if code is None else (Span(code.co_filename, code.co_firstlineno),)
+    try:
+        f = external.factory()
+    except Exception as error:
+        fact = f"the factory of {external.name} raised {type(error).__name__}: {error}"
+        raise DeclarationError("AC163", fact, where=where) from error
+    if not isinstance(f, ca.Function):
+        raise DeclarationError(
+            "AC163",
+            f"the factory of {external.name} returns a {type(f).__name__}",
+            where=where,
+            help="it returns a casadi.Function: x = casadi.SX.sym('x'); return casadi.Function('f', [x], [x**2])",
+        )
     shapes_made = [[f.size_in(k) for k in range(f.n_in())], [f.size_out(k) for k in range(f.n_out())]]
     shapes_declared = [[(*s, 1, 1)[:2] for s in shapes] for shapes in (external.inputs, external.outputs)]
     if shapes_made != shapes_declared:
         raise DeclarationError(
             "AC163",
             f"the factory of {external.name} makes a function that is not as declared",
+            where=where,
             evidence=[
                 f"declared: {', '.join(map(shape_text, external.inputs))} -> "
                 + ", ".join(map(shape_text, external.outputs)),

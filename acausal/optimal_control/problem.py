@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import copy
+from numbers import Real as Number
 from typing import Any, Self
 
 import casadi as ca
@@ -94,11 +95,14 @@ class StatedProblem:
             AC010 for an unknown relation, AC050 for invalid limits, and for a phase declared after a statement about
             all phases.
         """
-        shortest, longest = (duration, duration) if isinstance(duration, int | float) else duration
-        if not 0.0 <= shortest <= longest or longest <= 0.0 or intervals < 1:
+        given = (duration, duration) if isinstance(duration, Number) else duration
+        if not isinstance(given, tuple | list) or len(given) != 2 or not all(isinstance(d, Number) for d in given):
+            given = (math.nan, math.nan)
+        shortest, longest = given
+        if not isinstance(intervals, int) or not 0.0 <= shortest <= longest or longest <= 0.0 or intervals < 1:
             raise UsageError(
                 "AC050",
-                f"a phase of {shortest:g} to {longest:g} s in {intervals} intervals is none",
+                f"a phase of duration {duration!r} in {intervals} intervals is none",
                 where=calling_span(),
                 help="duration=(shortest, longest) in s, not negative, and at least one interval",
             )
@@ -147,12 +151,16 @@ class StatedProblem:
         Raises
         ------
         UsageError
-            AC010 for an unknown parameter.
+            AC010 for an unknown parameter, AC051 for a limit that is no number.
         """
+        for limit in (min, max):
+            _check_limit(limit, name)
         return self.quantities.decide(name, min, max)
 
     def minimize(self, objective: Any) -> None:
         """Set the objective: a scalar expression of durations, values at ends and integrals."""
+        if isinstance(objective, str) or objective is None:
+            objective = self._expression(objective or "")
         self.objective = ca.MX(objective)
         if self.objective.numel() != 1 or self.quantities.varies(self.objective):
             raise UsageError(
@@ -211,7 +219,17 @@ class StatedProblem:
             Inputs of the simulation, as for `simulate`.
         lines
             States that follow a straight line instead, with their values at the start and the end of all phases.
+
+        Raises
+        ------
+        UsageError
+            AC010 for an unknown state, AC051 for a line that is not a pair of numbers.
         """
+        for name, ends in (lines or {}).items():
+            if not isinstance(ends, tuple | list) or len(ends) != 2 or not all(isinstance(e, Number) for e in ends):
+                raise UsageError(
+                    "AC051", f"the line of {name} is {ends!r}", where=calling_span(), help="lines={'s': (0.0, 4.0)}"
+                )
         self.guess_run = run
         self.guess_inputs = dict(inputs or {})
         self.guess_lines = {self.quantities.state(name): ends for name, ends in (lines or {}).items()}
@@ -235,6 +253,8 @@ class StatedProblem:
     def _value(self, phase: int, kind: str, what: str | Any) -> Any:
         """Symbol of a value at the start or end of a phase, or of an integral over it."""
         expression = self._expression(what)
+        if not self.quantities.varies(expression):  # a number, or a decided parameter
+            return expression * self.durations[phase] if kind == "integral" else expression
         named = what if isinstance(what, str) else str(what)
         place = f" of {self.specs[phase].name}" if len(self.specs) > 1 else ""
         words = {"start": f"{named} at the start{place}", "end": f"{named} at the end{place}"}
@@ -247,20 +267,19 @@ class StatedProblem:
     ) -> None:
         """Append one constraint for each scalar of `what`."""
         for limit in (lower, upper, equals):
-            if isinstance(limit, str):
-                raise UsageError(
-                    "AC051",
-                    f"the limit '{limit}' of {what} is no number",
-                    where=calling_span(),
-                    help="limits are numbers in SI units: max=4e3 for 4 kN",
-                )
+            _check_limit(limit, what)
+        limits = (lower, upper) != (-math.inf, math.inf)
         if equals is not None:
+            if limits:
+                raise _lost_limits(what, "equals=")
             lower = upper = equals
         is_name = isinstance(what, str)
         expression = self._expression(what)
         label = name or (what if is_name else "")
         op = expression.op() if not is_name and expression.n_dep() == 2 else None
         if op in _RELATIONS:
+            if limits or equals is not None:
+                raise _lost_limits(what, "the relation")
             expression, lower, upper = _relation(expression, op)
         if lower > upper or (lower == -math.inf and upper == math.inf):
             raise UsageError(
@@ -288,6 +307,26 @@ class StatedProblem:
             self.constraints.append(
                 Constraint(text, entry, lower, upper, phases if varies else (), variable, scale, where)
             )
+
+
+def _check_limit(limit: object, what: object) -> None:
+    """Raise UsageError AC051 for a limit that is no number; None is no limit."""
+    if limit is not None and (not isinstance(limit, Number) or isinstance(limit, bool) or math.isnan(limit)):
+        raise UsageError(
+            "AC051",
+            f"the limit {limit!r} of {what} is no number",
+            where=calling_span(),
+            help="limits are numbers in SI units: max=4e3 for 4 kN",
+        )
+
+
+def _lost_limits(what: object, by: str) -> UsageError:
+    return UsageError(
+        "AC051",
+        f"{what} has limits and {by}: one of them would be lost",
+        where=calling_span(),
+        help="state one constraint for each",
+    )
 
 
 class Phase:

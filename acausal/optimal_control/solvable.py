@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from acausal.errors import UsageError
 from acausal.optimal_control.optimum.optimum import Optimum
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.shooting import Steps
@@ -97,6 +98,8 @@ class Problem(StatedProblem):
             inside a phase, AC705 if the guess does not reach the end of a phase, AC706 if a phase leaves the branch on
             which it was solved, AC707 if the mesh is still too coarse after all refinements.
         """
+        if accuracy is not None and not accuracy > 0.0:
+            raise UsageError("AC053", f"accuracy={accuracy!r} is no error", help="a positive number: accuracy=1e-4")
         self._close_phases()
         step_scheme = Steps(shooting, steps) if shooting is not None else None
         solver_options = dict(options or {})

@@ -122,6 +122,12 @@ class Result:
         UsageError
             AC010, with the nearest names, when there is no such signal or its elements do not fill an array.
         """
+        if not isinstance(name, str):
+            raise UsageError(
+                "AC010",
+                f"{name!r} is no name of a signal",
+                help="one name at a time: result['mass.s']; result.at(t, name) takes the time first",
+            )
         if name == "time":
             return (), [Signal("time", unit="s", doc="Time")]
         if name in self.signals:
@@ -144,7 +150,7 @@ class Result:
         )
 
     def __contains__(self, name: object) -> bool:
-        return name == "time" or name in self.signals or name in self._arrays
+        return isinstance(name, str) and (name == "time" or name in self.signals or name in self._arrays)
 
     def __iter__(self) -> Iterator[str]:
         """Names of the signals, as `names`."""
@@ -184,7 +190,10 @@ class Result:
         UsageError
             AC010 for an unknown name, AC011 for a time outside the run.
         """
-        times = np.asarray(t, dtype=float)
+        try:
+            times = np.asarray(t, dtype=float)
+        except (TypeError, ValueError):
+            raise UsageError("AC011", f"{t!r} is no time", help="result.at(t, name) takes times [s] first") from None
         flat = times.ravel()
         slack = 4 * np.finfo(float).eps * np.abs(self.time[[0, -1]]).max()
         # An event this close to the stop time replaces it as the last row.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, variable
+from acausal import Component, Equations, Real, der, fixed, parameter, part, variable
 from acausal.library.multibody import PointMass, World
 
 
@@ -47,3 +47,24 @@ def test_what_acts_at_the_start_or_through_another_parameter_is_heard() -> None:
 
     values = {"k": 0.5, "begin": 2.0, "idle": (3.0, 4.0)}
     assert acausal.flatten(Decay(), parameters=values).notes == ("idle is set, and nothing in the model depends on it",)
+
+
+def test_a_part_in_a_list_is_told_too() -> None:
+    """Its index is no index of the parameter."""
+
+    class Decay(Component):
+        idle: Real = parameter(default=1.0)
+        x: Real = variable(default=fixed(1.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == -self.x
+
+    class Row(Component):
+        members: list[Decay] = part()
+
+        def build(self) -> None:
+            self.members = [Decay(), Decay()]
+
+    assert acausal.flatten(Row(), parameters={"members[1].idle": 2.0}).notes == (
+        "members[1].idle is set, and nothing in the model depends on it",
+    )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, External, Real, der, fixed, parameter, variable
+from acausal import Component, Equations, External, Real, der, fixed, parameter, time, variable
 from acausal.errors import DeclarationError, UnitError
 from acausal.export.casadi.functions import casadi_model
 from acausal.flatten.pool import Pool
@@ -95,6 +95,25 @@ def test_a_factory_that_makes_something_else_is_named() -> None:
     with pytest.raises(DeclarationError) as caught:
         acausal.simulate(Wrong(), stop_time=1.0)
     assert caught.value.code == "AC163"
+
+
+def unreadable() -> object:
+    raise OSError("no file")
+
+
+@pytest.mark.parametrize(("factory", "fact"), [(unreadable, "raised OSError: no file"), (lambda: len, "returns a")])
+def test_a_factory_that_fails_is_named_with_its_place(factory: Any, fact: str) -> None:
+    failing = External("failing", factory, inputs=((),), outputs=((),))
+
+    class Wrong(Component):
+        y: Real = variable()
+
+        def equations(self) -> Equations:
+            yield self.y == failing(time)
+
+    with pytest.raises(DeclarationError, match=rf"AC163.*failing {fact}") as caught:
+        acausal.simulate(Wrong(), stop_time=1.0)
+    assert caught.value.where[0].file == __file__
 
 
 def test_units_of_outputs_are_checked() -> None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, part, structural, variable
 from acausal.errors import UsageError
 from acausal.flatten.flatten import flatten
@@ -106,3 +108,41 @@ def test_starts_are_kept_apart(size: int) -> None:
     assert {s.path: flat.pool.value(s.node) for s in flat.starts.values()} == {
         f"parts[{i}].x": float(i) for i in range(size)
     }
+
+
+class Arrays(Component):
+    B: Real = parameter(default=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)), shape=(2, 3))
+    d: Real = parameter(default=(1.0, 2.0), shape=2)
+    e: Real = parameter(default=lambda self: 2.0 * self.d, shape=2)
+    s: Real = variable(shape=(2, 3), default=fixed(0.0))
+    t: Real = variable(shape=2, default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.s) == self.B
+        yield der(self.t) == self.e
+
+
+def test_an_entry_is_set_like_the_whole() -> None:
+    """The same model however it is given: as a component, compiled, by entries or as a whole."""
+    whole = {"d": [1.0, 7.0], "B": [[1.0, 2.0, 3.0], [9.0, 5.0, 6.0]]}
+    entries = {"d[1]": 7.0, "B[1,0]": 9.0}
+    runs = [
+        acausal.simulate(model, parameters=given, stop_time=1.0)
+        for model in (Arrays(), acausal.compile(Arrays()))
+        for given in (whole, entries)
+    ]
+    for run in runs:
+        assert run.final("s") == pytest.approx(np.array(whole["B"]))
+        assert run.final("t") == pytest.approx(np.array([2.0, 14.0]))
+    with pytest.raises(UsageError, match=r"AC022.*bound as a whole"):
+        acausal.simulate(Arrays(), parameters={"e[0]": 1.0})
+
+
+@pytest.mark.parametrize("model", [Arrays(), acausal.compile(Arrays())])
+def test_the_transpose_of_a_matrix_is_refused(model: Any) -> None:
+    """It has as many numbers, and was taken row by row."""
+    for wrong in (np.ones((3, 2)), [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]], np.ones((6, 1))):
+        with pytest.raises(UsageError, match=r"AC023.*2x3 matrix"):
+            acausal.simulate(model, parameters={"B": wrong})
+        with pytest.raises(UsageError, match=r"AC023.*2x3 matrix"):
+            acausal.simulate(model, start={"s": wrong})

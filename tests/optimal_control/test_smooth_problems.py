@@ -27,6 +27,18 @@ def rest_to_rest(problem: Problem) -> None:
     problem.subject_to(problem.end("mass.v") == 0.0)
 
 
+def test_the_integral_of_one_is_the_time() -> None:
+    """Over two phases, of which each has its own duration: T = 2 sqrt(d/a), as above."""
+    problem = Problem(Slider())
+    for _ in range(2):
+        problem.phase(duration=(0.1, 5.0), intervals=4)
+    problem.subject_to("u", min=-1.0, max=1.0)
+    rest_to_rest(problem)
+    problem.subject_to(problem.end(1.0) + problem.end("mass.v") == 1.0)
+    problem.minimize(problem.integral(1.0))
+    assert problem.solve().objective == pytest.approx(2.0, rel=1e-6)
+
+
 @pytest.mark.parametrize("distance", [0.25, 4.0])
 def test_least_time_from_rest_to_rest(distance: float) -> None:
     """T = 2 sqrt(d/a): L. S. Pontryagin et al., The mathematical theory of optimal processes, 1962, chapter 1."""
@@ -195,7 +207,15 @@ def test_demands_that_say_nothing_are_refused() -> None:
         (lambda: problem.subject_to("u", max=2.0, name="force"), "AC051"),
         (lambda: problem.phase("push"), "AC050"),
         (lambda: problem.phase(duration=(2.0, 1.0)), "AC050"),
+        (lambda: problem.phase(duration="3 s"), "AC050"),  # type: ignore[arg-type]
+        (lambda: problem.phase(duration=1.0, intervals=2.5), "AC050"),  # type: ignore[arg-type]
+        (lambda: problem.subject_to("u", max=1.0, equals=2.0), "AC051"),
+        (lambda: problem.subject_to(problem["u"] <= 1.0, min=-1.0), "AC051"),
+        (lambda: problem.subject_to("u", max=float("nan")), "AC051"),
+        (lambda: problem.guess(lines={"mass.s": (0.0, 1.0, 2.0)}), "AC051"),  # type: ignore[dict-item]
         (lambda: problem.minimize(problem["mass.s"]), "AC053"),
+        (lambda: problem.minimize("mass.s"), "AC053"),
+        (lambda: problem.solve(accuracy=-1.0), "AC053"),
         (lambda: problem.solve(), "AC051"),
     ):
         with pytest.raises(AcausalError) as refused:

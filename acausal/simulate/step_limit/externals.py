@@ -43,7 +43,9 @@ def _may_wake(external: External) -> bool:
     """Whether it has kinks, jumps or steep parts, or cannot be looked into."""
     import casadi as ca
 
-    function = external.factory()
+    from acausal.numeric.external import function as declared
+
+    function = declared(external)
     try:
         scalar = function if function.is_a("SXFunction") else function.expand()
     except RuntimeError:
