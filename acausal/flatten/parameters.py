@@ -87,8 +87,10 @@ class ParameterTable:
         if value is None:
             raise _missing([(instance, name, declaration)])
         if value.op == "const":
-            payload = value.payload if isinstance(value.payload, tuple) else (value.payload,)
-            return self._free(path, declaration, [single.get(k, v) for k, v in enumerate(payload)], instance)
+            numbers: list[float] = list(value.payload) if isinstance(value.payload, tuple) else [value.payload]
+            for k, number in single.items():
+                numbers[k] = number
+            return self._free(path, declaration, numbers, instance)
         if single:
             names = ", ".join(path + suffix(declaration.shape, k) for k in single)
             raise UsageError(
@@ -104,10 +106,10 @@ class ParameterTable:
         self._resolving[path] = (value, instance.origin_of_value(name))
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
         del self._resolving[path]
-        numbers = [self.pool.value(node) for node in result]
-        constants = [v for v in numbers if v is not None]
+        known = [self.pool.value(node) for node in result]
+        constants = [v for v in known if v is not None]
         # An expression of constants, such as 2 * sqrt(2), is a number: the parameter stays free.
-        return self._free(path, declaration, constants, instance) if len(constants) == len(numbers) else result
+        return self._free(path, declaration, constants, instance) if len(constants) == len(known) else result
 
     def _cyclic_binding(self, path: str) -> DeclarationError:
         names = list(self._resolving)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import copy
-from numbers import Real as Number
 from typing import Any, Self
 
 import casadi as ca
+import numpy as np
 
 from acausal.errors import UsageError, calling_span
 from acausal.language.component import Component
@@ -18,6 +18,7 @@ from acausal.optimal_control.declare import Constraint, Guard, Mesh, PhaseSpec, 
 from acausal.optimal_control.quantities import Quantities
 from acausal.result.result import Result
 
+_NUMBER = (int, float, np.integer, np.floating)
 _RELATIONS = {ca.OP_LE: 1, ca.OP_LT: 1, ca.OP_EQ: 0}
 
 
@@ -95,10 +96,7 @@ class StatedProblem:
             AC010 for an unknown relation, AC050 for invalid limits, and for a phase declared after a statement about
             all phases.
         """
-        given = (duration, duration) if isinstance(duration, Number) else duration
-        if not isinstance(given, tuple | list) or len(given) != 2 or not all(isinstance(d, Number) for d in given):
-            given = (math.nan, math.nan)
-        shortest, longest = given
+        shortest, longest = _limits_of(duration)
         if not isinstance(intervals, int) or not 0.0 <= shortest <= longest or longest <= 0.0 or intervals < 1:
             raise UsageError(
                 "AC050",
@@ -226,7 +224,7 @@ class StatedProblem:
             AC010 for an unknown state, AC051 for a line that is not a pair of numbers.
         """
         for name, ends in (lines or {}).items():
-            if not isinstance(ends, tuple | list) or len(ends) != 2 or not all(isinstance(e, Number) for e in ends):
+            if not isinstance(ends, tuple | list) or len(ends) != 2 or not all(isinstance(e, _NUMBER) for e in ends):
                 raise UsageError(
                     "AC051", f"the line of {name} is {ends!r}", where=calling_span(), help="lines={'s': (0.0, 4.0)}"
                 )
@@ -309,9 +307,18 @@ class StatedProblem:
             )
 
 
-def _check_limit(limit: object, what: object) -> None:
+def _limits_of(duration: Any) -> tuple[float, float]:
+    """The shortest and the longest duration [s]; nan for what is neither a number nor a pair of them."""
+    if isinstance(duration, _NUMBER):
+        return float(duration), float(duration)
+    if isinstance(duration, tuple | list) and len(duration) == 2 and all(isinstance(d, _NUMBER) for d in duration):
+        return float(duration[0]), float(duration[1])
+    return math.nan, math.nan
+
+
+def _check_limit(limit: Any, what: object) -> None:
     """Raise UsageError AC051 for a limit that is no number; None is no limit."""
-    if limit is not None and (not isinstance(limit, Number) or isinstance(limit, bool) or math.isnan(limit)):
+    if limit is not None and (not isinstance(limit, _NUMBER) or isinstance(limit, bool) or math.isnan(limit)):
         raise UsageError(
             "AC051",
             f"the limit {limit!r} of {what} is no number",

@@ -150,7 +150,8 @@ def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[
         reduced,
         flat=replace(
             flat,
-            starts={s: start for s, start in flat.starts.items() if inside(reduced.image[s])},
+            # an input that nothing is left to depend on still has its declared value
+            starts={s: start for s, start in flat.starts.items() if s in flat.inputs or inside(reduced.image[s])},
             initial_equations=tuple(flat.initial_equations[k] for k in initial),
             whens=tuple(whens),
             assignments=tuple(flat.assignments[k] for k in assigned),

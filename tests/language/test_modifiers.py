@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, part, structural, variable
+from acausal import Component, Equations, Real, der, fixed, parameter, part, signal_input, structural, variable
 from acausal.errors import UsageError
 from acausal.flatten.flatten import flatten
 
@@ -146,3 +146,20 @@ def test_the_transpose_of_a_matrix_is_refused(model: Any) -> None:
             acausal.simulate(model, parameters={"B": wrong})
         with pytest.raises(UsageError, match=r"AC023.*2x3 matrix"):
             acausal.simulate(model, start={"s": wrong})
+
+
+class Apart(Component):
+    u: Real = signal_input(default=2.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+        yield der(self.y) == -self.y
+
+
+def test_an_input_that_no_output_depends_on_keeps_its_default() -> None:
+    """Leaving equations out changes no value; the run asked for the input instead (AC033)."""
+    asked = acausal.simulate(Apart(), outputs=["y"], stop_time=1.0, tolerance=1e-9)
+    assert asked.final("y") == pytest.approx(np.exp(-1.0), rel=1e-7)
+    assert acausal.simulate(Apart(), outputs=["x"], stop_time=1.0).final("x") == pytest.approx(2.0)
