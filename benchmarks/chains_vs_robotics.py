@@ -2,9 +2,9 @@
 
 `SpatialChain` of scenes.py, n links on damped hinges, 10 s. Every side is tuned: acausal by tolerance of `erk`
 (compiled), pinocchio (its articulated-body algorithm) by tolerance of SciPy's DOP853 and LSODA and of scikit-sundae's
-CVODE (Adams), MuJoCo by the step of its RK4. Of each, the fastest run counts whose end is within the accuracy of a
-reference (acausal and pinocchio at 1e-11, which have to agree). Times are processor times of the integration;
-compiling is apart, and so is what else a call of `acausal.simulate` does (start values, description of all signals).
+CVODE (Adams), MuJoCo by the step of its RK4. Of each method, the loosest setting counts whose end is within the
+accuracy of a reference (acausal and pinocchio at 1e-11, which have to agree). At these settings all run in turn; times
+are medians of processor times of whole calls, ours with start values and recording. Compiling is apart.
 
     pip install .[benchmark]
     python benchmarks/chains_vs_robotics.py --n 2,4,8,16,32,64 --accuracy 1e-6
@@ -20,15 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import drawn_lines, report, rounded
+from measure import alternated, drawn_lines, medians, report, rounded
 from scenes import ANGLE, AXES, DAMPING, INERTIA, LENGTH, MASS, SpatialChain
 
 import acausal
-from acausal.study.bench.measure import processor_clock
 
-STOP, GRAVITY = 10.0, 9.80665
+STOP, GRAVITY, ROUNDS, LONGEST = 10.0, 9.80665, 5, 60.0
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
-# End values; of acausal also the seconds of the integration alone.
+# End values.
 Solve = Callable[[], Any]
 
 
@@ -120,35 +119,34 @@ def with_acausal(compiled: Any, n: int) -> Iterator[tuple[str, Solve]]:
         def run(tolerance: float = tolerance) -> Any:
             found = acausal.simulate(compiled, solver="erk", tolerance=tolerance, native=True, output_interval=STOP)
             columns = [found.signals[compiled.states[p]] for p in places]
-            values = np.array([c.sign * found.matrix[-1, c.column] for c in columns])
-            return values, found.stats["time"]["integrate"]  # type: ignore[index]
+            return np.array([c.sign * found.matrix[-1, c.column] for c in columns])
 
         yield f"erk {tolerance:.0e}", run
 
 
-def fastest(runs: Iterator[tuple[str, Solve]], exact: Any, accuracy: float, most: float) -> dict[str, Any]:
-    """The fastest setting that reaches the accuracy (best of three), by the largest error of angles and speeds."""
-    best: dict[str, Any] = {"failure": "none reached the accuracy"}
-    slow: dict[str, bool] = {}
+def tuned(runs: Iterator[tuple[str, Solve]], exact: Any, accuracy: float) -> dict[str, tuple[Solve, float]]:
+    """Of each method the loosest setting that reaches the accuracy, and its error of angles and speeds."""
+    found: dict[str, tuple[Solve, float]] = {}
+    done: set[str] = set()
     for name, run in runs:
-        family = name.split()[0]
-        if slow.get(family):
+        method = name.split()[0]
+        if method in done:
             continue
-        seconds, whole, error = math.inf, math.inf, math.inf
-        for _ in range(3):
-            busy = time.process_time()
-            found = run()
-            busy = time.process_time() - busy
-            whole = min(whole, busy)
-            values, took = (found[0], found[1]) if isinstance(found, tuple) else (found, busy)
-            error, seconds = float(np.abs(values - exact).max()), min(seconds, took)
-            if seconds > 2.0:
-                break
-        # tighter settings of the same family only cost more
-        slow[family] = error <= accuracy or seconds > most
-        if error <= accuracy and seconds < best.get("seconds", math.inf):
-            best = {"setting": name, "seconds": seconds, "whole call": whole, "error": error}
-    return best
+        busy = time.process_time()
+        error = float(np.abs(run() - exact).max())
+        if error <= accuracy:
+            found[name] = run, error
+        if error <= accuracy or time.process_time() - busy > LONGEST:
+            done.add(method)  # tighter settings only cost more
+    return found
+
+
+def fastest(found: dict[str, tuple[Solve, float]], seconds: dict[str, float]) -> dict[str, Any]:
+    """The method of a side that took the least time."""
+    if not found:
+        return {"failure": "none reached the accuracy"}
+    name = min(found, key=lambda name: seconds[name])
+    return {"setting": name, "seconds": seconds[name], "error": found[name][1]}
 
 
 def measured(n: int, accuracy: float, damping: float) -> dict[str, Any]:
@@ -158,21 +156,24 @@ def measured(n: int, accuracy: float, damping: float) -> dict[str, Any]:
     making = time.perf_counter() - began
     ours = list(with_acausal(compiled, n))
     began = time.perf_counter()
-    exact = ours[-1][1]()[0]
+    exact = ours[-1][1]()
     native = time.perf_counter() - began
     judge = with_pinocchio(n, damping)
     other = next(run for name, run in judge if name == f"DOP853 {1e-10:.0e}")()
     agreement = float(np.abs(exact - other).max())
-    limit = 60.0
+    sides = {
+        "acausal": tuned(iter(ours), exact, accuracy),
+        "pinocchio": tuned(with_pinocchio(n, damping), exact, accuracy),
+        "MuJoCo": tuned(with_mujoco(n, damping), exact, accuracy),
+    }
+    seconds = medians(alternated({name: run for side in sides.values() for name, (run, _) in side.items()}, ROUNDS))
     return {
         "n": n,
         "operations": int(compiled.rhs.n_instructions()),
         "reference: acausal and pinocchio agree to": agreement,
         "compile": making,
         "to C and first run": native,
-        "acausal": fastest(iter(ours), exact, accuracy, limit),
-        "pinocchio": fastest(with_pinocchio(n, damping), exact, accuracy, limit),
-        "MuJoCo": fastest(with_mujoco(n, damping), exact, accuracy, limit),
+        **{side: fastest(found, seconds) for side, found in sides.items()},
     }
 
 
@@ -183,7 +184,6 @@ def main() -> None:
     parser.add_argument("--damping", type=float, default=DAMPING, help="of each hinge [N.m.s/rad]")
     parser.add_argument("--figure", type=Path, help="picture to draw: .png or .svg")
     options = parser.parse_args()
-    processor_clock()
     rows = []
     for n in map(int, options.n.split(",")):
         rows.append(measured(n, options.accuracy, options.damping))
@@ -192,7 +192,7 @@ def main() -> None:
     sides = ("acausal", "pinocchio", "MuJoCo")
     if options.figure:
         lines = {side: [(r["n"], 1e3 * r[side]["seconds"]) for r in rows if "seconds" in r[side]] for side in sides}
-        drawn_lines(options.figure, lines, "Links", f"Time of 10 s at an error of {options.accuracy:g} [ms]")
+        drawn_lines(options.figure, lines, "Links", f"Processor time of a 10 s run,\nerror {options.accuracy:g} [ms]")
     ratios = {
         r["n"]: {s: r[s].get("seconds", math.inf) / r["acausal"].get("seconds", math.inf) for s in sides[1:]}
         for r in rows

@@ -235,7 +235,8 @@ def draw(first: dict[str, Any], second: dict[str, Any], file: Path) -> None:
     }
     names = [name for name in labels if name in first["ratio"]]
     bars = left.bar([labels[n] for n in names], [first["ratio"][n] for n in names], color="#0072b2")
-    left.bar_label(bars, [f"{1e3 * first['seconds'][n]:.0f} ms" for n in names], label_type="center", color="white")
+    told = [f"{s:.1f} s" if s >= 1.0 else f"{1e3 * s:.0f} ms" for s in (first["seconds"][n] for n in names)]
+    left.bar_label(bars, told, label_type="center", color="white")
     left.set(yscale="log", ylim=(0.3, 200))
     left.axhline(LEVELS, color="#d55e00", linestyle="--", label=f"limit for MPR: {LEVELS:g}")
     left.set(ylabel="Processor time of a run, plate = 1", title="ThickBlock: 40 s of drilling, IDAS at 1e-8")
@@ -250,8 +251,9 @@ def draw(first: dict[str, Any], second: dict[str, Any], file: Path) -> None:
         ylim=(0, 2),
     )
     right.legend()
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
+    left.grid(axis="y", alpha=0.3)
+    right.grid(alpha=0.3)
+    left.set_axisbelow(True)
     figure.savefig(file, dpi=110)
 
 

@@ -97,15 +97,17 @@ def measured(family: str, n: int, solvers: list[str], repetitions: int, native: 
 
     compiled = acausal.compile({"ladder": RCLadder, "chain": MassSpringDamperChain}[family](n=n), cache=False)
     p = np.array(compiled.parameter_values)
+    zeros = tuple(np.flatnonzero(p == 0.0).tolist())
     began = time.process_time()
-    form = compiled.mapped(tuple(np.flatnonzero(p == 0.0).tolist()))
+    form = compiled.mapped(zeros)
     spent = time.process_time() - began
     print(f"{family} {n}: {compiled.rhs.n_instructions()} instructions, ", end="")
     print(f"{form.operations if form else 'no'} operations on columns, found in {spent:.2f} s")
     if form is None:
         return
     models = forms(compiled)
-    evaluated({name: ScaledEquations(model, p, np.zeros(0)).dae for name, model in models.items()}, repetitions)
+    values = p, np.zeros(0)
+    evaluated({name: ScaledEquations(model, zeros, values).dae for name, model in models.items()}, repetitions)
     for solver in solvers:
         jobs = {name: partial(run, models, name, solver, False) for name in FORMS}
         line(f"run, {solver}", {k: v * 1e3 for k, v in fastest(jobs, repetitions).items()}, "ms")

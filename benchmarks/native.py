@@ -2,7 +2,7 @@
 
 For each model and solver: the integration interpreted and compiled, in turn; what making the library costs, and what
 finding it again on disk costs (a hit); and the largest difference of the two results, relative to the largest value of
-each state. The numbers in docs/devdocs/native.md are from here.
+each state. Times are processor times, of the C compiler too. The numbers in docs/devdocs/native.md are from here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import argparse
 import os
 import statistics
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -25,6 +24,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.mass_chain import MassSpringDamperChain
 from acausal.simulate.native import policy
+from acausal.study.bench.measure import processor_clock
 
 HITS = 7
 
@@ -46,9 +46,9 @@ def time_of_libraries() -> Iterator[list[float]]:
     original, seconds = policy.Native._made, []
 
     def timed(*arguments: Any) -> Any:
-        began = time.perf_counter()
+        began = sum(os.times()[:4])
         found = original(*arguments)
-        seconds.append(time.perf_counter() - began)
+        seconds.append(sum(os.times()[:4]) - began)
         return found
 
     policy.Native._made = timed  # type: ignore[method-assign]
@@ -95,6 +95,7 @@ def main() -> None:
     parser.add_argument("--repetitions", type=int, default=11)
     parser.add_argument("--longest", type=int, default=400, help="masses of the longest chain")
     args = parser.parse_args()
+    processor_clock()
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as folder:
         os.environ["ACAUSAL_CACHE"] = folder

@@ -2,10 +2,11 @@
 most 1.2 times CasADi by hand with the same solver.
 
 Four problems (peer_problems.py). Every side is tuned by its tolerance: of each the fastest run counts whose end values
-are within the accuracy, by the mixed error with f as in `acausal bench`. Processor times of a solve, best of some;
-compiling and first calls are apart. Python right-hand sides are NumPy's, as people write them; jaxonomy's and rumoca's
-are compiled by them, numbalsoda's by Numba (peer_numba.py). The hand-written CasADi system is the same equations with
-the same solvers, interpreted, its integrator made beforehand.
+are within the accuracy, by the mixed error with f as in `acausal bench`. Then the sides run in turn at these settings,
+and medians of processor time count. A time is that of a whole call, ours too: start values, recording, and what Python
+does around. Compiling and first calls are apart. Python right-hand sides are NumPy's, as people write them; jaxonomy's
+and rumoca's are compiled by them, numbalsoda's by Numba (peer_numba.py). The hand-written CasADi system is the same
+equations with the same solvers, interpreted, its integrator made beforehand.
 
     pip install .[benchmark]
     python benchmarks/peers.py [--accuracy 1e-6] [--only Pleiades] [--figure peers.png]
@@ -14,7 +15,6 @@ the same solvers, interpreted, its integrator made beforehand.
 from __future__ import annotations
 
 import argparse
-import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -22,11 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from measure import report, rounded
+from measure import alternated, medians, report, rounded
 from peer_problems import Problem, problems
 
 import acausal
-from acausal.study.bench.measure import processor_clock
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 12))
 Solve = Callable[[], Any]
@@ -49,10 +48,7 @@ def ours(problem: Problem) -> Runs:
                     output_interval=problem.stop,
                 )
                 columns = [found.signals[name] for name in problem.states]
-                values = np.array([c.sign * found.matrix[-1, c.column] for c in columns])
-                # the integrator is made beforehand, as that of the side by hand is
-                making = float(str(found.stats.get("making", 0.0)))
-                return values, found.stats["time"]["integrate"] - making  # type: ignore[index]
+                return np.array([c.sign * found.matrix[-1, c.column] for c in columns])
 
             yield solver, tolerance, run
 
@@ -227,48 +223,32 @@ SIDES = {
 }
 
 
-def fastest(runs: Runs, exact: Any, floor: Any, accuracy: float, repeat: int) -> dict[str, Any]:
-    """The fastest setting that reaches the accuracy; a method is given up when a run takes more than 20 s."""
-    best: dict[str, Any] = {}
-    done: set[str] = set()
+def tuned(runs: Runs, exact: Any, floor: Any, accuracy: float) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """Of each method the loosest setting that reaches the accuracy, or why there is none.
+
+    A method is given up when a run takes more than 20 s.
+    """
+    found: dict[str, dict[str, Any]] = {}
     reasons: dict[str, str] = {}
-    each: dict[str, float] = {}
+    slow: set[str] = set()
     for name, tolerance, run in runs:
-        if name in done:
+        if name in found or name in slow:
             continue
-        seconds, first = math.inf, math.nan
+        busy = time.process_time()
         try:
-            for k in range(repeat + 1):
-                busy = time.process_time()
-                found = run()
-                busy = time.process_time() - busy
-                values, took = found if isinstance(found, tuple) else (found, busy)
-                first = busy if k == 0 else first
-                seconds = min(seconds, took) if k or took > 20.0 else seconds
-                error = float((np.abs(values - exact) / (floor + np.abs(exact))).max())
-                if (k and first > 2.0) or first > 20.0 or not error <= accuracy:
-                    break
+            values = run()
         except Exception as error_of_peer:
             reasons[name] = str(error_of_peer).splitlines()[0][:80]
             continue
-        if first > 20.0:
-            done.add(name)
-        if not error <= accuracy:
-            reasons[name] = f"error {error:.1e} at {tolerance:.0e}"
+        busy = time.process_time() - busy
+        error = float((np.abs(values - exact) / (floor + np.abs(exact))).max())
+        if error <= accuracy:
+            found[name] = {"tolerance": tolerance, "error": error, "first call": busy, "run": run}
         else:
-            done.add(name)
-            each[name] = seconds
-            if seconds < best.get("seconds", math.inf):
-                best = {
-                    "setting": name,
-                    "tolerance": tolerance,
-                    "seconds": seconds,
-                    "error": error,
-                    "first call": first,
-                }
-    if best:
-        return best | {"each": each}
-    return {"failure": "; ".join(f"{name}: {why}" for name, why in reasons.items())}
+            reasons[name] = f"error {error:.1e} at {tolerance:.0e}"
+        if busy > 20.0:
+            slow.add(name)
+    return found, reasons
 
 
 def measured(problem: Problem, accuracy: float, repeat: int) -> dict[str, Any]:
@@ -279,14 +259,28 @@ def measured(problem: Problem, accuracy: float, repeat: int) -> dict[str, Any]:
     # f of the mixed error, as in acausal bench: the size of a variable, between a thousandth of its nominal one and 1
     floor = np.clip(np.abs(exact), problem.smallest, 1.0)
     row: dict[str, Any] = {}
+    methods: dict[str, dict[str, dict[str, Any]]] = {}
     for side, runs in SIDES.items():
         try:
-            row[side] = fastest(runs(problem), exact, floor, accuracy, repeat)
+            methods[side], reasons = tuned(runs(problem), exact, floor, accuracy)
         except ImportError as error:
-            row[side] = {"failure": f"not installed: {error.name}"}
+            reasons = {side: f"not installed: {error.name}"}
         except Exception as error:
-            row[side] = {"failure": f"{type(error).__name__}: {str(error).splitlines()[0][:100]}"}
-        print(problem.name, side, rounded(row[side]), flush=True)
+            reasons = {side: f"{type(error).__name__}: {str(error).splitlines()[0][:100]}"}
+        if not methods.get(side):
+            row[side] = {"failure": "; ".join(f"{name}: {why}" for name, why in reasons.items())}
+    for side, found in methods.items():  # a method that takes seconds where another takes less is not repeated
+        quickest = min((m["first call"] for m in found.values()), default=0.0)
+        methods[side] = {name: m for name, m in found.items() if m["first call"] <= max(quickest, 1.0)}
+    jobs = {f"{side}: {name}": m.pop("run") for side, found in methods.items() for name, m in found.items()}
+    seconds = medians(alternated(jobs, repeat))
+    for side, found in methods.items():
+        each = {name: seconds[f"{side}: {name}"] for name in found}
+        if each:
+            best = min(each, key=lambda name, each=each: each[name])  # type: ignore[misc]
+            row[side] = {"setting": best, "seconds": each[best], **found[best], "each": each}
+    for side, figures in row.items():
+        print(problem.name, side, rounded(figures), flush=True)
     return row
 
 
@@ -324,7 +318,6 @@ def main() -> None:
     parser.add_argument("--figure", type=Path)
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    processor_clock()
     chosen = [p for p in problems() if p.name.startswith(options.only)]
     rows = {p.name: measured(p, options.accuracy, options.repeat) for p in chosen}
     if options.figure:

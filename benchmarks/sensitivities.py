@@ -2,17 +2,19 @@
 
     python benchmarks/sensitivities.py
 
-Medians of five after a first call, of process time. "interpreted" differentiates a run that is not compiled, with the
-default solver of the model and steps in Python; "default" leaves to the program what to compile, once it has;
-"compiled" takes compiled `rosenbrock` and compiled steps. Each is divided by a run of the same kind; "20 runs" are what
-central differences cost with the compiled one.
+Medians of five rounds of processor time, a run and both methods in turn in each. "interpreted" differentiates a run
+that is not compiled, with the default solver of the model and steps in Python; "default" leaves to the program what to
+compile, once it has; "compiled" takes compiled `rosenbrock` and compiled steps. Each is divided by a run of the same
+kind; "20 runs" are what central differences cost with the compiled one.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal
+
+from measure import alternated, medians, ratios
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, variable
@@ -53,33 +55,20 @@ class Chain(Component):
             yield self.m * der(self.v[i]) == forces[i + 1] - forces[i]
 
 
-def median(call: Callable[[], object]) -> float:
-    """Seconds of process time."""
-    call()
-    found = []
-    for _ in range(5):
-        began = time.process_time()
-        call()
-        found.append(time.process_time() - began)
-    return sorted(found)[2]
-
-
 def measured(name: str, model: Any, parameters: Sequence[str], outputs: Sequence[str], **more: Any) -> None:
     """Print the rows of a model."""
     for kind, own in KINDS.items():
         asked = {"tolerance": TOLERANCE, **more, **own}
-        run = median(lambda asked=asked: acausal.simulate(model, **asked))  # type: ignore[misc]
-        rows = {"run": run}
+        jobs: dict[str, Callable[[], Any]] = {"run": partial(acausal.simulate, model, **asked)}
         for method in METHODS:
-            rows[method] = median(
-                lambda asked=asked, method=method: acausal.sensitivities(  # type: ignore[misc]
-                    model, parameters, outputs, method=method, **asked
-                )
-            )
+            jobs[method] = partial(acausal.sensitivities, model, parameters, outputs, method=method, **asked)
+        seconds = alternated(jobs, 5)
+        middle = medians(seconds)
+        shares = {"run": 1.0, **{method: ratios(seconds, method)["run"] for method in METHODS}}
         if kind == "compiled":
-            rows["20 runs"] = 20 * run
-        for row, seconds in rows.items():
-            print(f"{name:12s} {kind:12s} {row:8s} {1e3 * seconds:8.1f} ms {seconds / run:6.2f} runs", flush=True)
+            middle["20 runs"], shares["20 runs"] = 20 * middle["run"], 20.0
+        for row, spent in middle.items():
+            print(f"{name:12s} {kind:12s} {row:8s} {1e3 * spent:8.1f} ms {shares[row]:6.2f} runs", flush=True)
 
 
 def main() -> None:

@@ -196,7 +196,7 @@ def reading(n: int = 10_000) -> dict[str, Job]:
         "calc_ic": False,
         "init_xdot": rate.tolist(),
     }
-    settings |= {"max_num_steps": 10**6, "linear_solver": "csparse"}
+    settings |= {"max_num_steps": 10**6, "linear_solver": "qr"}  # the faster one here
     integrator = ca.integrator("by_hand", "idas", dae, 0.0, grid.tolist(), settings)
 
     def ours() -> float:
@@ -219,9 +219,9 @@ LOOP = """
 #include <time.h>
 static double s[10001], F[10001], M[10001];
 int main(void) {
-  volatile double v = %(v).17g, n = %(n).17g; double best = 1e9; int i, r;
+  volatile double v = %(v).17g, n = %(n).17g; int i;
   const double slope = tan(%(sigma).17g / 2), d = %(d).17g, t = %(t).17g, h = d / (2 * slope), dt = 1e-3;
-  for (r = 0; r < 100; ++r) {
+  for (int r = 0; r < 20; ++r) {
     struct timespec a, b; clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &a);
     double x = 0, k1, k2;
     for (i = 0; i <= 10000; ++i) {
@@ -233,9 +233,9 @@ int main(void) {
       k1 = v; k2 = v; x += dt / 2 * (k1 + k2);
     }
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &b);
-    double e = (b.tv_sec - a.tv_sec) + 1e-9 * (b.tv_nsec - a.tv_nsec); if (e < best) best = e;
+    printf("%%.9g\\n", (b.tv_sec - a.tv_sec) + 1e-9 * (b.tv_nsec - a.tv_nsec));
   }
-  printf("%%.9g %%.15g\\n", best, F[200]); return 0;
+  printf("%%.15g\\n", F[200] + 0 * M[200] + 0 * s[200]); return 0;
 }
 """
 
@@ -243,29 +243,32 @@ int main(void) {
 def plate(rounds: int) -> dict[str, Any]:
     """ThinPlate with its force and torque at 10 001 rows, beside a C loop that computes the same rows."""
     compiled = acausal.compile(ThinPlate())
-    seconds: list[float] = []
-    force = 0.0
     r = acausal.simulate(compiled, native=True, output_interval=1e-3)
-    for _ in range(rounds):
-        began = time.process_time()
+
+    def ours() -> float:
         r = acausal.simulate(compiled, native=True, output_interval=1e-3)
-        force = float((r["drill.F_f"] + 0.0 * r["drill.torque"])[ROW])
-        seconds.append(time.process_time() - began)
+        return float((r["drill.F_f"] + 0.0 * r["drill.torque"])[ROW])
+
     names = ("sigma", "d", "t", "z_E", "k_c11", "h_min", "z")
     numbers = {name: float(r.final(f"drill.{name}")) for name in names}
     numbers |= {"v": float(r.final("drill.v_axial")), "n": abs(float(r.final("drill.n")))}
-    numbers["factor"] = force / float(r["drill.F_c"][ROW])
+    numbers["factor"] = float(r["drill.F_f"][ROW]) / float(r["drill.F_c"][ROW])
+    seconds: dict[str, list[float]] = {"acausal": [], "C by hand": []}
+    force = other = 0.0
     with tempfile.TemporaryDirectory() as folder:
         source, binary = Path(folder) / "loop.c", Path(folder) / "loop"
         source.write_text(LOOP % numbers)
         subprocess.run(["cc", "-O2", "-o", binary, source, "-lm"], check=True)
-        best, other = subprocess.run([binary], capture_output=True, text=True, check=True).stdout.split()
-    ours = float(np.median(seconds))
-    return {
-        "seconds": {"acausal": ours, "C by hand": float(best)},
-        "ratios": {"C by hand": ours / float(best)},
-        "answers": {"acausal": force, "C by hand": float(other)},
-    }
+        ours()
+        for _ in range(rounds):
+            began = time.process_time()
+            force = ours()
+            seconds["acausal"].append(time.process_time() - began)
+            told = subprocess.run([binary], capture_output=True, text=True, check=True).stdout
+            *each, other = map(float, told.split())
+            seconds["C by hand"].append(float(np.median(each)))
+    answers = {"acausal": force, "C by hand": other}
+    return {"seconds": medians(seconds), "ratios": ratios(seconds, "acausal"), "answers": answers}
 
 
 # -- many runs -----------------------------------------------------------------------------------------------------

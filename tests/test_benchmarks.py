@@ -1,0 +1,43 @@
+"""Benchmarks are not run by the tests, so what argparse hides from type checkers is read off their text."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
+
+
+def called(node: ast.AST, name: str) -> bool:
+    """Whether a node is a call of a method of this name."""
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == name
+
+
+@pytest.mark.parametrize("file", sorted(BENCHMARKS.glob("*.py")), ids=lambda file: file.stem)
+def test_options_that_are_read_are_declared(file: Path) -> None:
+    """A namespace of argparse has any attribute for a type checker: a rename once broke two benchmarks unseen."""
+    nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+    declared = {
+        call.args[0].value.lstrip("-").replace("-", "_")
+        for call in nodes
+        if called(call, "add_argument")
+        and isinstance(call, ast.Call)
+        and isinstance(call.args[0], ast.Constant)
+        and isinstance(call.args[0].value, str)
+    }
+    namespaces = {
+        target.id
+        for node in nodes
+        if isinstance(node, ast.Assign) and called(node.value, "parse_args")
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    main = next((n for n in nodes if isinstance(n, ast.FunctionDef) and n.name == "main"), None)
+    read = {
+        node.attr
+        for node in (ast.walk(main) if main else ())
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in namespaces
+    }
+    assert read <= declared
