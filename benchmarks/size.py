@@ -104,7 +104,7 @@ def measured(family: str, n: int, repetitions: int) -> dict[str, Any]:
         "steps": result.stats.get("steps"),
     }
     hand = by_hand(family, n, compiled)
-    same = {} if hand is None else {"solver": "idas"}
+    same: dict[str, Any] = {} if hand is None else {"solver": "idas"}
     jobs: dict[str, Callable[[], Any]] = {
         "acausal": lambda: (acausal.simulate(compiled, **same)[observed], None)[1],
         "default": lambda: (acausal.simulate(compiled)[observed], None)[1],

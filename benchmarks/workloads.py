@@ -23,7 +23,7 @@ import casadi as ca
 import events
 import numpy as np
 import thick_block_vs_casadi
-from measure import medians, ratios, report, rounded
+from measure import alternated, medians, ratios, report, rounded
 
 import acausal
 from acausal import (
@@ -53,14 +53,16 @@ Job = Callable[[], float]
 
 def in_turn(jobs: dict[str, Job], rounds: int) -> tuple[dict[str, list[float]], dict[str, float]]:
     """Processor seconds of every job, one of each in turn after one of each unmeasured; and what they answer."""
-    answers = {name: job() for name, job in jobs.items()}
-    seconds: dict[str, list[float]] = {name: [] for name in jobs}
-    for _ in range(rounds):
-        for name, job in jobs.items():
-            began = time.process_time()
+    answers: dict[str, float] = {}
+
+    def answered(name: str, job: Job) -> Callable[[], None]:
+        def run() -> None:
             answers[name] = job()
-            seconds[name].append(time.process_time() - began)
-    return seconds, answers
+
+        return run
+
+    # its collections of garbage between jobs charge no side with what another one has left
+    return alternated({name: answered(name, job) for name, job in jobs.items()}, rounds), answers
 
 
 # -- events --------------------------------------------------------------------------------------------------------

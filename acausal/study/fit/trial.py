@@ -29,6 +29,8 @@ from acausal.study.fit.dataset import Dataset, Measured, columns_of, driving_col
 
 # A signal jumps at an event if it changes by more than this share of its range.
 _JUMP = 1e-6
+# Share of a run in which two times are one.
+_CLOSE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,7 @@ class Trial:
     options: Mapping[str, Any]
     first: tuple[Mapping[str, float], TrialRun]  # guessed values, and the run with them
     wanted: tuple[Output, ...] | None  # the signals, if runs are differentiated
+    rows: Vector | None  # [s] where runs that are differentiated have rows, if no grid meets the data
 
     def run(self, values: Mapping[str, float]) -> Result:
         """Simulate the experiment with these values of the free parameters."""
@@ -52,7 +55,9 @@ class Trial:
         """Run with derivatives if available; the run with the guessed values is reused."""
         guess, first = self.first
         return (
-            first if values == guess else _run_trial(self.compiled, self.parameters, values, self.options, self.wanted)
+            first
+            if values == guess
+            else _run_trial(self.compiled, self.parameters, values, self.options, self.wanted, self.rows)
         )
 
     def residuals(self, trial_run: TrialRun) -> Vector:
@@ -87,9 +92,10 @@ def _run_trial(
     values: Mapping[str, float],
     options: Mapping[str, Any],
     wanted: tuple[Output, ...] | None,
+    rows: Vector | None,
 ) -> TrialRun:
     own = {**parameters, **values}
-    differentiated = None if wanted is None else differentiated_run(compiled, own, options, tuple(values), wanted)
+    differentiated = None if wanted is None else differentiated_run(compiled, own, options, tuple(values), wanted, rows)
     result = simulate(compiled, parameters=own, **options) if differentiated is None else differentiated.result
     stop = options["stop_time"]
     if result.time[-1] < stop - 1e-9 * np.ptp(result.time):
@@ -132,13 +138,14 @@ def trial_of(
         "stop_time": last,
     }
     run["output_interval"] = _interval([c.times for c in measurements.values()], begin)
+    rows = None if run["output_interval"] is not None else _rows([c.times for c in measurements.values()], begin, last)
     started = with_starts(compiled, {**common.start, **dataset.start})
     own = {**common.parameters, **dataset.parameters}
     for path, value in dataset.sigma.items():
         if not isinstance(value, Number) or not value > 0.0:
             raise UsageError("AC055", f"sigma of {path} is {value}: a standard deviation is positive")
     wanted = signals_of(started, list(measurements))
-    trial_run = _run_trial(started, own, guess, run, None if wanted is None else tuple(wanted))
+    trial_run = _run_trial(started, own, guess, run, None if wanted is None else tuple(wanted), rows)
     signals = measured(columns, compiled.inputs, trial_run.result)
     unknown = [n for n in dataset.sigma if n not in {s.name for s in signals}]
     if unknown:
@@ -146,7 +153,15 @@ def trial_of(
     is_fast = trial_run.differentiated is not None and trial_run.differentiated.is_fast
     first_run = trial_run if is_fast else TrialRun(trial_run.result, None)
     return Trial(
-        name, started, signals, dataset.sigma, own, run, (guess, first_run), tuple(wanted or ()) if is_fast else None
+        name,
+        started,
+        signals,
+        dataset.sigma,
+        own,
+        run,
+        (guess, first_run),
+        tuple(wanted or ()) if is_fast else None,
+        rows,
     )
 
 
@@ -158,6 +173,12 @@ def _interval(times: list[Vector], begin: float) -> float | None:
         if places and all(np.abs(p - np.round(p)).max() < 1e-6 for p in places):
             return step
     return None
+
+
+def _rows(times: list[Vector], begin: float, last: float) -> Vector:
+    """Rows [s] that meet the data where no grid does: to integrate again up to each of them costs ten runs."""
+    found = np.unique(np.concatenate([[begin], *times, [last]]))
+    return np.asarray(found[np.diff(found, prepend=-np.inf) > _CLOSE * (last - begin)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +227,12 @@ def differentiated_run(
     options: Mapping[str, Any],
     names: Sequence[str],
     wanted: Sequence[Output],
+    rows: Vector | None = None,
 ) -> DifferentiatedRun | None:
-    """The run with its linear maps; None for varying inputs, or if this run fails, as a plain one might not."""
+    """The run with its linear maps; None for varying inputs, or if this run fails, as a plain one might not.
+
+    It has `rows` [s] instead of those of a grid, if they are given.
+    """
     own = {k: v for k, v in options.items() if k != "inputs"}
     chosen = run_options(compiled.flat.experiment, **own)
     p = parameter_vector(compiled, parameters)
@@ -216,7 +241,7 @@ def differentiated_run(
     inputs = given_inputs(compiled, options["inputs"], chosen.start_time, chosen.stop_time, chosen.tolerances)
     if inputs.places:
         return None
-    run = Run(compiled, chosen, p, inputs, None, traced=True)
+    run = Run(compiled, chosen, p, inputs, None, outputs=rows, traced=True)
     try:
         result = run.result()
     except RunError:
@@ -260,7 +285,7 @@ def at(result: Result, times: Vector, name: str) -> Vector:
     """Values of a signal at `times`, shape (k,); rows within rounding are reused, as interpolation costs three runs."""
     if len(result.time) < 2:
         return np.asarray(result.at(times, name))
-    tiny = 1e-9 * float(np.ptp(result.time))
+    tiny = _CLOSE * float(np.ptp(result.time))
     right = np.clip(np.searchsorted(result.time, times), 1, len(result.time) - 1)
     nearest = np.where(times - result.time[right - 1] < result.time[right] - times, right - 1, right)
     near = np.abs(result.time[nearest] - times) <= tiny

@@ -33,6 +33,7 @@ from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.oscillator import Oscillator
 from acausal.plot.scale import readable
+from acausal.simulate.record.record import Dense
 
 Vector = NDArray[np.float64]
 
@@ -83,6 +84,27 @@ def test_linear_models_give_the_normal_equations() -> None:
     # Student's 97.5 % quantile with 39 degrees of freedom: 2.0227
     np.testing.assert_allclose(found.interval[:, 1] - found.value, 2.0227 * np.sqrt(np.diag(covariance)), rtol=1e-3)
     assert not found.notes
+
+
+def test_a_differentiated_run_has_its_rows_where_the_data_have_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parameters are found again from uneven times, and no run is integrated again to read it, ten runs for each."""
+    plate, names = acausal.compile(ThinPlate()), ["drill.k_c11", "drill.z"]
+    run = acausal.simulate(plate, stop_time=3.0)
+    times = np.sort(np.random.default_rng(5).uniform(0.0, 3.0, 40))
+    sets = [
+        Dataset({"drill.F_c": (times, run.at(times, "drill.F_c"))}),
+        Dataset(
+            {"drill.F_c": (times, acausal.simulate(plate, parameters={"v": 3e-3}).at(times, "drill.F_c"))},
+            parameters={"v": 3e-3},
+        ),
+    ]
+
+    def again(self: Dense, wanted: Vector) -> Vector:
+        raise AssertionError(f"integrated again up to {wanted}")
+
+    monkeypatch.setattr(Dense, "__call__", again)
+    found = fit(plate, sets, names, parameters={"drill.k_c11": 1.7e9, "drill.z": 0.3})
+    np.testing.assert_allclose(found.value, [run.final(name) for name in names], rtol=1e-6)
 
 
 class Decay(Component):
