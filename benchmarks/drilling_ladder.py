@@ -245,10 +245,10 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
         axes[0].bar_label(bars, labels, fontsize=8, padding=2)
     axes[0].set_xticks(range(len(names)), [n.replace("3D ", "3D\n") for n in names])
     axes[0].set_ylim(0.0, 1.45 * max(r["milliseconds"] for r in rows))
-    axes[0].set_ylabel("processor time of a run of 40 s, ms")
+    axes[0].set_ylabel("processor time of a run of 40 s [ms]")
     axes[0].set_title("Cost; on the bars: states, equations", loc="left", fontsize=10)
     axes[0].legend(fontsize=8, loc="upper left", frameon=False)
-    for ax, key, label in ((axes[1], "depth_mm", "depth, mm"), (axes[2], "thrust_N", "thrust, N")):
+    for ax, key, label in ((axes[1], "depth_mm", "depth [mm]"), (axes[2], "thrust_N", "thrust [N]")):
         for marker, name in zip("osD^", names, strict=False):
             for r in (r for r in rows if r["level"] == name):
                 color = _COLORS[r["form"]]
@@ -259,7 +259,7 @@ def draw(rows: list[dict[str, Any]], file: Path) -> None:
                 )
         ax.set_yscale("log")
         ax.set_xlim(0.0, 1.1 * max(r["milliseconds"] for r in rows))
-        ax.set_xlabel("processor time of a run, ms")
+        ax.set_xlabel("processor time of a run [ms]")
         ax.set_ylabel(f"largest error of the {label}")
         ax.grid(True, which="major", lw=0.4)
         ax.margins(y=0.15)

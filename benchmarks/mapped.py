@@ -126,7 +126,7 @@ def run(models: Mapping[str, Any], form: str, solver: str, native: bool) -> Any:
 
 def compiled_c(models: Mapping[str, Any], solver: str, repetitions: int) -> None:
     """Print size and time of the C of both forms, and of runs with it."""
-    cache, functions = (import_module(f"acausal.simulate.native.{m}") for m in ("cache", "functions"))
+    cache = import_module("acausal.simulate.native.cache")
     build, sizes, seconds = cache.build, {}, {}
 
     def watched(key: str, source: str) -> Any:
@@ -138,10 +138,10 @@ def compiled_c(models: Mapping[str, Any], solver: str, repetitions: int) -> None
     def again(form: str) -> None:
         assert run(models, form, solver, True).stats["native"]
 
-    functions.cache.build = watched
+    cache.build = watched
     for form in FORMS:
         again(form)
-    functions.cache.build = build
+    cache.build = build
     line(f"C, {solver}", sizes, "kB")
     line("   C compiler", seconds, "s ")
     runs = fastest({form: partial(again, form) for form in FORMS}, repetitions)
