@@ -104,7 +104,7 @@ def test_a_differentiated_run_has_its_rows_where_the_data_have_them(monkeypatch:
 
     monkeypatch.setattr(Dense, "__call__", again)
     found = fit(plate, sets, names, parameters={"drill.k_c11": 1.7e9, "drill.z": 0.3})
-    np.testing.assert_allclose(found.value, [run.final(name) for name in names], rtol=1e-6)
+    np.testing.assert_allclose(found.value, [float(run.final(name)) for name in names], rtol=1e-6)
 
 
 class Decay(Component):
