@@ -14,6 +14,7 @@ from acausal.export.forms import LINEAR, check
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
 from acausal.export.start_point import input_start
+from acausal.flatten.parameters import entries
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
@@ -84,7 +85,7 @@ def operating_point(
     Raises
     ------
     UsageError
-        AC010 for unknown states, outputs or free inputs, AC033 for unknown inputs.
+        AC010 for unknown states, outputs or free inputs, AC023 for outputs of another shape, AC033 for unknown inputs.
     ExportError
         AC611 where there is no steady state near the start, with the remaining rates; AC608 when events change the
         rates.
@@ -105,7 +106,7 @@ def operating_point(
             u[compiled.inputs.index(name)] = value
         else:
             start.x[_place(compiled, name, compiled.states, "state")] = value
-    first, aim = np.concatenate([start.x, start.z, u[places]]), np.array(list((outputs or {}).values()))
+    first, aim = np.concatenate([start.x, start.z, u[places]]), _aims(compiled, outputs or {})
     search = _Search(compiled, wanted, aim, when, p, u, places, first)
     found = search.solve()
     if found is None:
@@ -121,6 +122,15 @@ def operating_point(
         dict(zip((o.name for o in wanted), search.at(found)["y"].ravel().tolist(), strict=True)),
         (*notes, *_undetermined(search.jacobian(search.reduced(found)), [names[k] for k in search.moving])),
     )
+
+
+def _aims(compiled: CompiledModel, outputs: Mapping[str, float]) -> Vector:
+    """Prescribed values of all entries of the outputs, shape (n,), in the order of `named_outputs`."""
+    aims: list[float] = []
+    for name, value in outputs.items():
+        first, *others = named_outputs(compiled, [name])
+        aims += entries(name, (1 + len(others),) if others else (), value, first.declaration.unit)
+    return np.array(aims)
 
 
 class _Search:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -56,6 +57,23 @@ def test_the_input_is_found_for_a_wanted_output() -> None:
     found = operating_point(Tanks(), outputs={"out": 0.012}, free=["q"], guess={"q": 0.02})
     assert found.inputs["q"] == pytest.approx(0.024, rel=1e-7)
     assert found.outputs["out"] == pytest.approx(0.012, rel=1e-7)
+
+
+def test_the_inputs_are_found_for_a_wanted_vector() -> None:
+    """0 = u - 2 x."""
+
+    class Lags(Component):
+        u: Real = signal_input(shape=2, default=0.0)
+        x: Real = variable(shape=2, default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == self.u - 2.0 * self.x
+
+    wanted: Any = {"x": [3.0, 4.0]}
+    found = acausal.operating_point(Lags(), outputs=wanted, free=["u[0]", "u[1]"])
+    assert found.inputs == pytest.approx({"u[0]": 6.0, "u[1]": 8.0})
+    with pytest.raises(AcausalError, match="takes 2 numbers, 3 were given"):
+        acausal.operating_point(Lags(), outputs={"x": [1.0, 2.0, 3.0]}, free=["u[0]", "u[1]"])  # type: ignore[dict-item]
 
 
 def test_a_spring_hangs_where_statics_say() -> None:
