@@ -315,16 +315,15 @@ class Search:
     def _seen(self, way: _Way, asked: Segment, piece: Piece, rows: NDArray[np.int64]) -> _Seen:
         moment = way.moment
         times, plain = asked.times[rows], np.zeros((len(rows), len(way.band)))
-        values = plain
         if moment.regime.active_set.owners and len(rows):
             x, z = (piece.x, piece.z) if len(rows) == piece.x.shape[1] else (piece.x[:, rows], piece.z[:, rows])
             plain = self.guards.along(times, x, z, moment.m, moment.regime) + way.band
-            values = plain + way.start.near(times)
-        if len(values):
-            way.largest = np.maximum(way.largest, np.abs(values).max(axis=0))
-        times, before = np.append(way.times, times), way.values
-        values = np.vstack([before, values])
-        return _Seen(times, np.vstack([before, plain]), values, way.start.judged(times, values), len(before) - 1)
+        times, plain = np.append(way.times, times), np.vstack([way.values, plain])
+        # those before, too: a jump of the allowance at the start of a try would look like a guard that turns back
+        values = plain + way.start.near(times)
+        if len(times) > len(way.times):
+            way.largest = np.maximum(way.largest, np.abs(values[len(way.times) :]).max(axis=0))
+        return _Seen(times, plain, values, way.start.judged(times, values), len(way.times) - 1)
 
     def _suspicion(self, way: _Way, seen: _Seen, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
         """The first interval, by the row where it begins, in which a guard is passed (True) or may be."""
