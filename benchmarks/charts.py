@@ -228,12 +228,13 @@ This page shows such charts for six models. `python benchmarks/charts.py` writes
 - **Error**: the largest mixed error |y - r| / (f + |r|) of all states at 200 points of the run, with f as in
   [devdocs/bench.md](devdocs/bench.md). Two different solvers produce the reference r. Digits that they do not share are
   not trusted (grey area).
-- **Solve time**: the best of several runs, each in its own process after a warm-up, compiled to C where a solver
-  supports it (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: everything). The column "with start"
-  adds the creation of integrators and the computation of start values.
+- **Solve time**: processor time, the best of several runs, each in its own process after a warm-up, compiled to C where
+  a solver supports it (`idas`, `cvodes`: right-hand sides; `rosenbrock`, `erk`, `rk2`: everything). The column "with
+  start" adds the creation of integrators and the computation of start values.
 - **Symbols**: hollow squares are fixed steps, dashed lines `dae`, dotted lines `projected`. Crosses on the upper edge
   are failures, numbered as in the list beside the panels.
-- Other programs shared the two cores: trust ratios, not milliseconds. CasADi {casadi.CasadiMeta.version()}.
+- Other programs shared the two cores: trust ratios, not milliseconds. Compile times are
+  elapsed times. CasADi {casadi.CasadiMeta.version()}.
 
 """
     parts = []
