@@ -219,7 +219,7 @@ def test_mesh_points_of_fixed_steps_are_two_steps_apart_and_cut_none(count: int)
 
 
 def test_guards_that_have_left_zero_are_not_looked_for_again_and_again() -> None:
-    """A contact that opens is beyond zero by rounding for a while; where only some mesh points allowed for it, it turned back.
+    """A contact that opens is beyond zero by rounding for a while; allowed for at some points only, it seemed to turn back.
 
     Each of the 22 contacts of `ThickBlock` takes a few integrations, with every multistep method; 10 310 were made.
     """
