@@ -219,9 +219,10 @@ def test_mesh_points_of_fixed_steps_are_two_steps_apart_and_cut_none(count: int)
 
 
 def test_guards_that_have_left_zero_are_not_looked_for_again_and_again() -> None:
-    """A contact that opens is beyond zero by rounding for a while; allowed for at some points only, it seemed to turn back.
+    """A contact that opens is beyond zero by rounding for a while.
 
-    Each of the 22 contacts of `ThickBlock` takes a few integrations, with every multistep method; 10 310 were made.
+    Where the search allowed for that at some mesh points only, a guard seemed to turn back: 10 310 integrations instead
+    of a few for each of the 22 contacts of `ThickBlock`. They are as many with every multistep method.
     """
     compiled = acausal.compile(ThickBlock())
     runs = [acausal.simulate(compiled, solver=s, tolerance=1e-6) for s in ("idas", "cvodes")]
