@@ -19,6 +19,8 @@ from acausal.lower.compiled import CompiledModel
 
 CONSTANTS = "constants"
 """Name of the function `(p, u) -> c` in a library: all that parameters and inputs alone determine."""
+HELD = "determined"
+"""Name of the function of what parameters, modes and discrete variables alone determine."""
 # Instructions up to which C of every instance is compiled in seconds; it keeps values in registers, and runs 1.2 times
 # as fast as columns, which are in memory.
 _LARGEST_FLAT = 10_000
@@ -59,11 +61,14 @@ def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, 
     return dae, constants
 
 
-def parametric(expressions: Sequence[Any], p: Any, u: Any) -> tuple[list[Any], Any, Any]:
-    """Expressions in which symbols stand for what p and u alone determine; the symbols; and `(p, u) -> values`."""
+def parametric(expressions: Sequence[Any], p: Any, u: Any, name: str = CONSTANTS) -> tuple[list[Any], Any, Any]:
+    """Expressions in which symbols stand for what p and u alone determine; the symbols; and `(p, u) -> values`.
+
+    `name`: Of that function.
+    """
     rest, names, values = ca.extract_parametric(list(expressions), ca.vertcat(p, u), {"extract_trivial": True})
     symbols, held = (ca.vertcat(*parts) if parts else ca.SX(0, 1) for parts in (names, values))
     # What goes into a call may refer to what was extracted before.
     while names and ca.depends_on(held, symbols):
         held = ca.substitute(held, symbols, held)
-    return rest, symbols, ca.Function(CONSTANTS, [p, u], [held])
+    return rest, symbols, ca.Function(name, [p, u], [held], {"cse": True})

@@ -6,7 +6,7 @@
    integrator has missed, anything not finite) is not decided here: the run is put back to the start of the stretch, or
    before the instant, and Python goes on from there.
 
-   Linked with CasADi's code of `segment`, `watch`, `rates` and `event_round`. Where nothing but time makes events, PLAIN is
+   Linked with CasADi's code of `segment`, `judged` and `event_round`. Where nothing but time makes events, PLAIN is
    defined: there is only a `segment`, without stop watch and stop flag behind its states. */
 
 #include <stdlib.h>
@@ -28,6 +28,7 @@ typedef long long count_t;
 
 #ifdef PLAIN
 #define WATCH 0
+#define HELD 0
 static int none(const double** arg, double** res, casadi_int* iw, double* w, int mem) {
   (void) arg; (void) res; (void) iw; (void) w; (void) mem;
   return 0;
@@ -36,13 +37,13 @@ static int none_work(casadi_int* arg, casadi_int* res, casadi_int* iw, casadi_in
   *arg = *res = *iw = *w = 0;
   return 0;
 }
-#define watch none
-#define rates none
+#define judged none
+#define determined none
 #define event_round none
 #define relaxed none
 #define relaxed_work none_work
-#define watch_work none_work
-#define rates_work none_work
+#define judged_work none_work
+#define determined_work none_work
 #define event_round_work none_work
 #else
 #define WATCH 2
@@ -107,10 +108,12 @@ struct space {
   struct node node[DEEPEST + 2];
   double first, past; /* what the control of the step size hands on */
   double step;        /* over which errors of stiff components have relaxed, 0 where it is not known */
-  double which;       /* the guard of which `relaxed` is asked */
   double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* guards where they were asked for last */
+  double *relaxed_noise; /* noises for a step */
   double known_t, known_step;
-  int known; /* 0 nothing, 1 guards, 2 rates and noises, too */
+  int known; /* 0 nothing, 1 guards, rates and noises, 2 noises for a step, too */
+  double *regime, *held; /* constants, modes and discrete variables, and what they alone determine; guards need it, too */
+  int is_held;
   double* last; /* the states from which the integrator took its last step before it was stopped, scaled */
   unsigned char *fired, *asked;
   count_t* flips;
@@ -119,14 +122,6 @@ struct space {
 
 static double as_one(const struct event_loop* s, double t) { return most(INSTANT * s->span, ROUNDINGS * fabs(t)); }
 
-static int called(function_t f, const struct event_loop* s, struct space* o, double t, const double* x, const double* m,
-                  int count, double** results) {
-  int k;
-  o->arg[0] = &t; o->arg[1] = x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = m;
-  o->arg[6] = o->error; o->arg[7] = f == relaxed ? &o->step : 0; o->arg[8] = f == relaxed ? &o->which : 0;
-  for (k = 0; k < count; ++k) o->res[k] = results[k];
-  return f(o->arg, o->res, o->iw, o->w, 0);
-}
 
 #ifdef STEEP
 /* What steep.c samples, by scaled states and rates. */
@@ -193,12 +188,38 @@ static int is_known(const struct event_loop* s, const struct space* o, double t,
     && !memcmp(s->m, o->known_m, (size_t) s->modes * sizeof(double));
 }
 
+/* What constants, modes and discrete variables alone determine. */
+static int hold(const struct event_loop* s, struct space* o, const double* x) {
+  const double* discrete = x + s->states - s->discretes;
+  double *modes = o->regime + s->constants, *own = modes + s->modes;
+  size_t of_modes = (size_t) s->modes * sizeof(double), of_own = (size_t) s->discretes * sizeof(double);
+  if (o->is_held && !memcmp(modes, s->m, of_modes) && !memcmp(own, discrete, of_own)) return 0;
+  memcpy(modes, s->m, of_modes);
+  memcpy(own, discrete, of_own);
+  o->arg[0] = o->regime; o->res[0] = o->held;
+  o->is_held = !determined(o->arg, o->res, o->iw, o->w, 0);
+  return !o->is_held;
+}
+
+/* By how much states can be wrong. */
+static void take_errors(const struct event_loop* s, struct space* o, const double* x) {
+  count_t k;
+  for (k = 0; k < s->states; ++k)
+    o->error[k] = 10 * (s->relative * fabs(x[k]) + s->absolute * s->nominal[k]);
+}
+
+/* Guards, and with them their rates and noises: these are asked for next, and share most of the work. */
 static int take_guards(const struct event_loop* s, struct space* o, double t, const double* x, double* g) {
   size_t relations = (size_t) s->relations * sizeof(double);
   count_t k;
   if (!is_known(s, o, t, x)) {
+    double* results[3] = {o->known_g, o->known_rate, o->known_noise};
     o->known = 0;
-    if (called(watch, s, o, t, x, s->m, 1, &o->known_g)) return UNUSUAL;
+    if (hold(s, o, x)) return UNUSUAL;
+    take_errors(s, o, x);
+    o->arg[0] = &t; o->arg[1] = x; o->arg[2] = o->held; o->arg[3] = o->error;
+    memcpy(o->res, results, sizeof(results));
+    if (judged(o->arg, o->res, o->iw, o->w, 0)) return UNUSUAL;
     for (k = 0; k < s->relations; ++k)
       if (!isfinite(o->known_g[k])) return UNUSUAL;
     memcpy(o->known_x, x, (size_t) s->states * sizeof(double));
@@ -210,48 +231,44 @@ static int take_guards(const struct event_loop* s, struct space* o, double t, co
   return 0;
 }
 
-/* Rates of the guards `g` along the solution, and by how much the guards can be wrong (guards.py). */
-static int rates_at(const struct event_loop* s, struct space* o, double t, const double* x, const double* g) {
-  double* results[5] = {o->rate, o->noise, 0, 0, 0};
+/* Rates of the guards along the solution, and by how much the guards can be wrong (guards.py). */
+static int rates_at(const struct event_loop* s, struct space* o, double t, const double* x) {
   double instant = as_one(s, t);
   size_t relations = (size_t) s->relations * sizeof(double);
-  int same = is_known(s, o, t, x);
   count_t k;
-  if (same && o->known == 2 && o->step == o->known_step) {
-    memcpy(o->rate, o->known_rate, relations);
-    memcpy(o->noise, o->known_noise, relations);
+  if (!is_known(s, o, t, x) && take_guards(s, o, t, x, o->noise)) return UNUSUAL;
+  memcpy(o->rate, o->known_rate, relations);
+  if (o->known == 2 && o->step == o->known_step) {
+    memcpy(o->noise, o->relaxed_noise, relations);
     return 0;
   }
-  for (k = 0; k < s->states; ++k)
-    o->error[k] = 10 * (s->relative * fabs(x[k]) + s->absolute * s->nominal[k]);
-  if (called(rates, s, o, t, x, s->m, 5, results)) return UNUSUAL;
+  memcpy(o->noise, o->known_noise, relations);
 #ifdef METHOD_IS_STIFF
   {
-    double left, *result = &left;
-    for (k = 0; k < s->relations; ++k) {
-      o->which = (double) k;
-      if (o->step > 0 && o->noise[k] > fabs(g[k]) && !called(relaxed, s, o, t, x, s->m, 1, &result) && left < o->noise[k])
-        o->noise[k] = left;
+    double left, which;
+    take_errors(s, o, x);
+    for (k = 0; k < s->relations && o->step > 0; ++k) {
+      if (!(o->noise[k] > fabs(o->known_g[k]))) continue;
+      which = (double) k;
+      o->arg[0] = &t; o->arg[1] = x; o->arg[2] = 0; o->arg[3] = s->u; o->arg[4] = s->p; o->arg[5] = s->m;
+      o->arg[6] = o->error; o->arg[7] = &o->step; o->arg[8] = &which;
+      o->res[0] = &left;
+      if (!relaxed(o->arg, o->res, o->iw, o->w, 0) && left < o->noise[k]) o->noise[k] = left;
     }
   }
-#else
-  (void) g;
 #endif
   for (k = 0; k < s->relations; ++k) {
     o->noise[k] += fabs(o->rate[k]) * instant;
     if (o->noise[k] == 0) o->noise[k] = 1e-15; /* no error moves it, and it is rounded */
     if (!isfinite(o->noise[k])) return UNUSUAL;
   }
-  if (same) {
-    memcpy(o->known_rate, o->rate, relations);
-    memcpy(o->known_noise, o->noise, relations);
-    o->known_step = o->step;
-    o->known = 2;
-  }
+  memcpy(o->relaxed_noise, o->noise, relations);
+  o->known_step = o->step;
+  o->known = 2;
   return 0;
 }
 
-static int take_rates(const struct event_loop* s, struct space* o, double t) { return rates_at(s, o, t, s->x, o->g); }
+static int take_rates(const struct event_loop* s, struct space* o, double t) { return rates_at(s, o, t, s->x); }
 
 static count_t first_memory(const struct event_loop* s) { return s->timely + s->samples; }
 static count_t first_relation(const struct event_loop* s) { return s->modes - s->relations; }
@@ -327,8 +344,10 @@ static int settle(struct event_loop* s, struct space* o, double t, const double*
   memset(o->was, 0, conditions);
   memset(o->decided, 0, conditions);
   o->level = 0.0;
-  if (take_round(s, o, t, before)) return UNUSUAL;
-  memcpy(o->was, o->conditions, conditions);
+  if (conditions) {
+    if (take_round(s, o, t, before)) return UNUSUAL;
+    memcpy(o->was, o->conditions, conditions);
+  }
   for (k = 0; k < s->samples; ++k) s->m[s->timely + k] = due ? due[k] : 0.0;
   for (k = 0; k < s->flags; ++k) s->m[first_memory(s) + s->memories + k] = 0.0;
   walk_anew(s, o, &turn);
@@ -458,7 +477,7 @@ static int to_node(const struct event_loop* s, struct space* o, struct node* n) 
   count_t k;
   if (!s->relations) return 0;
   o->step = step_of(s, n->t);
-  if (take_guards(s, o, n->t, n->x, n->above) || rates_at(s, o, n->t, n->x, n->above)) return UNUSUAL;
+  if (take_guards(s, o, n->t, n->x, n->above) || rates_at(s, o, n->t, n->x)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     n->above[k] += o->band[k];
     n->rate[k] = o->rate[k];
@@ -477,9 +496,14 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   for (k = 0; k < n; ++k) o->x0[k] = from->x[k] / s->scale[k];
   for (k = 0; k < WATCH; ++k) o->x0[n + k] = 0.0;
   for (k = 0; k < count; ++k) o->lengths[k] = ends[k] - from->t;
-  memcpy(q, s->constant, s->constants * sizeof(double)); q += s->constants;
-  memcpy(q, s->m, s->modes * sizeof(double)); q += s->modes;
-  memcpy(q, s->x + s->states - s->discretes, s->discretes * sizeof(double)); q += s->discretes;
+#ifdef PLAIN
+  memcpy(q, s->constant, s->constants * sizeof(double));
+  memcpy(q + s->constants, s->m, s->modes * sizeof(double));
+  memcpy(q + s->constants + s->modes, s->x + s->states - s->discretes, s->discretes * sizeof(double));
+#else
+  if (hold(s, o, s->x)) return UNUSUAL;
+#endif
+  q += s->constants + s->modes + s->discretes;
   *q++ = from->t;
   memcpy(q, band, s->relations * sizeof(double));
   s->run.grid = o->lengths; s->run.n = count;
@@ -487,6 +511,8 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   s->run.first = s->step > 0 ? 0.0 : o->first;
   s->run.past = o->past;
   s->run.last = o->last;
+  s->run.is_blind = band == o->never;
+  s->run.distances = from->above;
 #ifdef STEEP
   if (s->run.sample) ((struct sampler*) s->run.sampler)->start = from->t;
 #endif

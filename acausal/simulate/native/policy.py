@@ -78,13 +78,15 @@ class StoppingEquations:
     """What a library that passes events is made of, as CasADi functions.
 
     `dae` and `transition` as CasADi's integrators want them, `constants` as in `equations.py`; `event_functions` are
-    "watch", "rates", "event_round" and "relaxed", and "steep" where there is something steep in the rates.
+    "judged", "event_round" and "relaxed", and "steep" where there is something steep in the rates. The first parameters
+    of a DAE for compiled code are what `held` makes of the first ones of its caller.
     """
 
     dae: Any
     transition: Any
     constants: Any
     event_functions: tuple[Any, ...]
+    held: Any = None
 
 
 @dataclass(eq=False)
@@ -162,7 +164,9 @@ class Native:
             made = equations()
             with contextlib.redirect_stderr(io.StringIO()):  # CasADi says that events are experimental
                 whole = {**neutral, "transition": made.transition}
-                written = source.integrator(plugin, made.dae, whole, made.constants, *made.event_functions)
+                written = source.integrator(
+                    plugin, made.dae, whole, made.constants, *made.event_functions, held=made.held
+                )
             has_steep = any(f.name() == "steep" for f in made.event_functions)
             return (
                 None if written is None else f"{written}{'#define STEEP' if has_steep else ''}\n{event_loop_source()}"

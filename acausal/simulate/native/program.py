@@ -46,6 +46,10 @@ class RunStructure(ctypes.Structure):
         ("last_end", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("sample", "sampler", "sampled", "owners")),
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
+        ("held", ctypes.c_void_p),
+        ("is_blind", ctypes.c_longlong),
+        ("distances", ctypes.c_void_p),
+        ("slopes", ctypes.c_longlong),
     )
 
 

@@ -49,6 +49,13 @@ struct acausal_run {
   const long long* owners;
   long long columns, functions;
   long long doubts; /* places that may have been passed over */
+  /* what parameters, modes and discrete variables alone determine, where it is known */
+  const double* held;
+  /* events: whether any are looked for, distances of the guards at the start where they are known, and whether a call
+     for distances is to give their slopes along the solution, or these alone */
+  long long is_blind;
+  const double* distances;
+  long long slopes;
 };
 /* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
 static int acausal_stopped(struct acausal_run* run) {
@@ -139,6 +146,35 @@ _TRANSITION = (
 )
 
 
+# What does not change between two events is computed once for a stretch.
+_PARAMETERS = (
+    r"  casadi_copy\(arg\[2\], \d+, pv\);",
+    "  if (acausal_parameters(run, arg[2], pv, sarg, sres, iw, w)) return 1;",
+)
+_HOLDING = """
+#define HELD {held}
+static int acausal_parameters(struct acausal_run* run, const casadi_real* p, casadi_real* found,
+                              const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w) {{
+  if (run->held) casadi_copy(run->held, HELD, found);
+  else {{
+    arg[0] = p; res[0] = found;
+    if (determined(arg, res, iw, w, 0)) return 1;
+  }}
+  casadi_copy(p + {own}, {rest}, found + HELD);
+  return 0;
+}}
+"""
+# Slopes of guards cost twice as much as guards: only where one is passed within a step (`rows.c`).
+_EVENTS = (
+    (r"while \(casadi_ivp_event\(&d\)\) \{", "while (acausal_event(&d, run)) {"),
+    (
+        r"(case IVP_EVAL_ZERO:\n(?:.*\n){5} *sres\[0\] = d\.res;\n)( *if \(casadi_f\d+\(sarg, sres, iw, w, 0\)\))",
+        r"\g<1>              if (run->slopes < 2)\n\g<2>",
+    ),
+    (r"(              )(sarg\[5\] = d\.res;\n)", r"\g<1>if (!run->slopes) break;\n\g<1>\g<2>"),
+)
+
+
 def functions(*parts: Any) -> str:
     """C of CasADi functions, each under its own name."""
     generator = ca.CodeGenerator("acausal.c")
@@ -147,20 +183,27 @@ def functions(*parts: Any) -> str:
     return _direct(str(generator.dump()))
 
 
-def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any) -> str | None:
+def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any, held: Any = None) -> str | None:
     """C of a whole integrator, whose argument 3 is a pointer to a `struct acausal_run`; None when it cannot be had.
 
     `plugin`: "rosenbrock" or "erk".
     `dae`: The oracle, SX, without controls.
     `settings`: CasADi's options; tolerances and step are replaced by arguments.
     `companions`: More functions for the same library.
+    `held`: Where the integrator is to stop at events, `parameters -> values` of the same name: its caller gives the
+    parameters, of which the first ones alone determine the values. The DAE gets these, and the other parameters.
     """
-    source = functions(ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)), *companions)
+    source = functions(
+        *(() if held is None else (held,)),
+        ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)),
+        *companions,
+    )
     # Our argument takes the place of the controls, of which there are none.
     if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
         return None
     fixed = [_FIXED] if settings.get("step_size") else []
-    passing = [_TRANSITION] if "case IVP_EVAL_JUMP:" in source else []
+    passes = "case IVP_EVAL_JUMP:" in source
+    passing = [*([] if held is None else [_PARAMETERS]), *([_TRANSITION, *_EVENTS] if passes else [])]
     for pattern, text in (*_INTEGRATOR, *fixed, *passing):
         source, count = re.subn(pattern, text, source)
         if count != 1:
@@ -168,13 +211,20 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
     if plugin == "rosenbrock":
         source = with_lu(source)
     before, marker, after = source.partition(f"/* {ENTRY}:")
-    return _with_run(with_sizes(f"{before}{rows(plugin)}{marker}{after}")) if marker else None
+    if not marker:
+        return None
+    if held is not None:
+        own, count = held.numel_in(0), held.numel_out(0)
+        before += _HOLDING.format(held=count, own=own, rest=dae.numel_in("p") - count)
+        before += "#define CROSSINGS\n" if passes else ""
+    return _with_run(with_sizes(f"{before}{rows(plugin)}{marker}{after}"))
 
 
 def rows(plugin: str) -> str:
     """C of rows inside of steps, in front of an integrator."""
     names = f"#define METHOD casadi_{plugin}\n#define METHOD_DATA struct casadi_{plugin}_data\n"
-    files = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("steep.c", "rows.c"))
+    names_of_files = "crossings.c", "steep.c", "rows.c"
+    files = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names_of_files)
     return "".join((names, _METHODS[plugin], *files))
 
 

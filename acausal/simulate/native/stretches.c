@@ -204,12 +204,13 @@ static size_t carved(const struct event_loop* s, struct space* o, double* memory
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
                      r, r, n, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
-                     n, s->modes, r, r, r, n + 2, (DEEPEST + 2) * each};
+                     n, s->modes, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
                       &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
-                      &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise, &o->last, &o->nodes};
+                      &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
+                      &o->relaxed_noise, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
     if (memory) *parts[k] = memory + used;
@@ -226,7 +227,7 @@ static size_t carved(const struct event_loop* s, struct space* o, double* memory
 /* Go on until the end of the run, until the record is full, or until something unusual is ahead. */
 CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   casadi_int sizes[4] = {0, 0, 0, 0}, own[4]; /* of arguments, results, integers, doubles */
-  int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, watch_work, rates_work, event_round_work, relaxed_work};
+  int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, determined_work, judged_work, event_round_work, relaxed_work};
   struct space o;
   count_t wide = longest(s), k;
   double* memory;
@@ -257,6 +258,8 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
 #endif
   if (memory && bytes && o.arg && o.res && o.iw && o.flips) {
     carved(s, &o, memory, wide);
+    memcpy(o.regime, s->constant, s->constants * sizeof(double));
+    s->run.held = o.held; /* it is known whenever the integrator is called */
     o.w = memory + used;
     o.fired = bytes; o.asked = o.fired + s->relations;
     while (!status && s->segment < s->boundaries - 1) {
@@ -278,6 +281,7 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   free(sampler.arg); free(sampler.res); free(sampler.iw); free(sampler.w);
   s->run.sample = 0;
 #endif
+  s->run.held = 0;
   free(memory); free(bytes); free(o.arg); free(o.res); free(o.iw); free(o.flips);
   return status;
 }

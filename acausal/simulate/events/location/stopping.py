@@ -32,7 +32,7 @@ from acausal.simulate.events.guards import LOCATED, Guards, Moment, located, res
 from acausal.simulate.events.location.bracketing import Node, first_crossing, is_clear
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.native.equations import parametric
+from acausal.simulate.native.equations import HELD, parametric
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import bounded, islands, pace
@@ -513,10 +513,11 @@ def stopping_equations(
 ) -> StoppingEquations:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
 
-    The parameters of the DAE are `[c, m, d, shift, band]`, see `native/equations.py`. Where it is `stretched`, they are
-    `[c, m, d]`, intervals of its time have the length 1, and each has controls of its own: where it begins, there and
-    in the time of the model, its length there, and the bands. With `values` of p and u these are numbers and c is
-    empty; parameters at `zeros` are zero whatever p holds.
+    The parameters of the DAE are `[h, shift, band]`, where h is what `[c, m, d]` alone determine, c as in
+    `native/equations.py`; "judged" is `(t, x, h, errors of x) -> (g, dg/dt, noise)` of all guards. Where the DAE is
+    `stretched`, its parameters are `[c, m, d]`, intervals of its time have the length 1, and each has controls of its
+    own: where it begins, there and in the time of the model, its length there, and the bands. With `values` of p and u
+    these are numbers and c is empty; parameters at `zeros` are zero whatever p holds.
     """
     compiled = regime.compiled
     n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
@@ -533,14 +534,24 @@ def stopping_equations(
     given = (u, some) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
     arguments = (time, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, *given, m)
     ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.active_set.watch(*arguments))
-    (ode, guards), symbols, constants = parametric([ode, guards], p, u)
-    band, speed = ca.SX.sym("band", guards.numel()), ca.SX(1)
-    p, u = ca.vertcat(symbols, numbers, band), ca.SX(0, 1)
+    band = ca.SX.sym("band", guards.numel())
     if stretched:
-        p, u, speed = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band), length
-    dae, transition = _stopped((t, x, z, p, u), ode, guards + band, speed)
-    events = regime.active_set.watch, regime.active_set.rates.function, compiled.events.round, regime.active_set.relaxed
-    return StoppingEquations(dae, transition, constants, events if stretched else (*events, *_steep_search(regime)))
+        (ode, guards), symbols, constants = parametric([ode, guards], p, u)
+        p, u = ca.vertcat(symbols, m, d), ca.vertcat(origin, shift, length, band)
+        return StoppingEquations(*_stopped((t, x, z, p, u), ode, guards + band, length), constants, ())
+    at, states, errors = ca.SX.sym("at"), ca.SX.sym("states", n + nq), ca.SX.sym("errors", n + nq + compiled.discretes)
+    here = at, ca.vertcat(states, d), z, *given, m
+    rates = regime.active_set.rates.function(*here, errors, z)[:2]
+    judged = [ca.densify(e) for e in (regime.active_set.watch(*here), *rates)]
+    (ode, guards, *judged), symbols, constants = parametric(ca.cse([ode, guards, *judged]), p, u)
+    # most of the equations of clutches are about modes
+    parameters, none = ca.vertcat(symbols, m, d), ca.SX(0, 1)
+    (ode, guards, *judged), values, held = parametric(ca.cse([ode, guards, *judged]), parameters, none, HELD)
+    dae, transition = _stopped((t, x, z, ca.vertcat(values, shift, band), none), ode, guards + band, ca.SX(1))
+    whole = ca.vertcat(states, ca.SX.sym("unused", compiled.discretes))
+    events = ca.Function("judged", [at, whole, values, errors], judged, {"cse": True}), compiled.events.round
+    events = *events, regime.active_set.relaxed, *_steep_search(regime)
+    return StoppingEquations(dae, transition, constants, events, held)
 
 
 def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[Any, Any]:
@@ -550,7 +561,8 @@ def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[
     state = ca.vertcat(x, watch, flag)
     rates = ca.vertcat((1 - flag) * speed * ode, (1 - flag) * speed, 0)
     # once it stands still nothing fires any more: several guards that are reached at one instant would, one by one
-    dae = ca.Function("dae", [t, state, z, p, u], [rates, none, none, ca.densify(zero + _NEVER * flag)], *_NAMES)
+    results = [rates, none, none, ca.densify(zero + _NEVER * flag)]
+    dae = ca.Function("dae", [t, state, z, p, u], results, *_NAMES, {"cse": True})
     own = {"index": ca.SX.sym("index"), "t": t, "x": state, "z": z, "p": p, "u": u}
     after = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
     transition = ca.Function(
