@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+import casadi as ca
+
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.base import SMOOTH_SHARE, TOLERANCE_SHARE
 from acausal.simulate.solvers.cvodes import Cvodes
@@ -65,6 +68,10 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None, breaks: int
     kind = f"{'a DAE' if compiled.algebraic else 'an ODE'} of {states} state{'s' if states != 1 else ''}"
     # a one-step method starts again after an event at no cost (docs/devdocs/events.md)
     if (events.relations or events.samples) and not compiled.algebraic and compiled.n_dynamic:
+        if compiled.n_dynamic > _SMALL and is_never_stiff(compiled):
+            return solver_named(
+                "erk"
+            ), f"{kind} with events of its variables, no state acts back on itself: never stiff"
         return solver_named("rosenbrock"), f"{kind} with events of its variables"
     if compiled.delays and not compiled.algebraic and len(compiled.states) <= _FEW:
         return solver_named("rosenbrock"), f"{kind} with delays: many fresh starts"
@@ -79,6 +86,21 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None, breaks: int
             "rosenbrock"
         ), f"{kind} without events of its variables, small enough for a method of order 5"
     return solver_named("idas"), f"{kind}, stiffness unknown"
+
+
+def is_never_stiff(compiled: CompiledModel) -> bool:
+    """Whether the structure shows that no Newton matrix is needed: an ODE in which no state acts back on itself.
+
+    The slopes of the rates can be sorted into a strict triangle, so their eigenvalues are zero wherever the run goes
+    and in all modes, as for shafts whose friction does not depend on the speed. Not so where functions are steep
+    (`suits_event_loop`), and not with delays, through which a state acts on itself later.
+    """
+    n = compiled.n_dynamic
+    if compiled.algebraic or compiled.delays or arguments(compiled) is not None:
+        return False
+    slopes = ca.DM(compiled.rhs.jac_sparsity(0, 1))[:n, :n].sparsity()
+    count, _, _ = slopes.scc()
+    return bool(count == n and not any(slopes.has_nz(k, k) for k in range(n)))
 
 
 def is_smooth(compiled: CompiledModel) -> bool:

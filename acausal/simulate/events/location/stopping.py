@@ -543,13 +543,15 @@ def stopping_equations(
     here = at, ca.vertcat(states, d), z, *given, m
     rates = regime.active_set.rates.function(*here, errors, z)[:2]
     judged = [ca.densify(e) for e in (regime.active_set.watch(*here), *rates)]
-    (ode, guards, *judged), symbols, constants = parametric(ca.cse([ode, guards, *judged]), p, u)
+    shared: Any = ca.cse([ode, guards, *judged])
+    (ode, guards, *judged), symbols, constants = parametric(shared, p, u)
     # most of the equations of clutches are about modes
     parameters, none = ca.vertcat(symbols, m, d), ca.SX(0, 1)
-    (ode, guards, *judged), values, held = parametric(ca.cse([ode, guards, *judged]), parameters, none, HELD)
-    dae, transition = _stopped((t, x, z, ca.vertcat(values, shift, band), none), ode, guards + band, ca.SX(1))
+    shared = ca.cse([ode, guards, *judged])
+    (ode, guards, *judged), kept, held = parametric(shared, parameters, none, HELD)
+    dae, transition = _stopped((t, x, z, ca.vertcat(kept, shift, band), none), ode, guards + band, ca.SX(1))
     whole = ca.vertcat(states, ca.SX.sym("unused", compiled.discretes))
-    events = ca.Function("judged", [at, whole, values, errors], judged, {"cse": True}), compiled.events.round
+    events = ca.Function("judged", [at, whole, kept, errors], judged, {"cse": True}), compiled.events.round
     events = *events, regime.active_set.relaxed, *_steep_search(regime)
     return StoppingEquations(dae, transition, constants, events, held)
 
