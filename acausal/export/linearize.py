@@ -154,10 +154,8 @@ def linearize(
     start = _point(compiled, t, p, u, result, x or {}, lasting)
     least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = [k for k in least.places if k < len(compiled.states) - compiled.discretes]
-    point = start.x, start.z, u
-    slopes = slopes_of_both_sides(
-        compiled, t, _slopes_of(compiled, wanted, t, p), point, least, [o.name for o in wanted]
-    )
+    names, point = [output.name for output in wanted], (start.x, start.z, u)
+    slopes = slopes_of_both_sides(compiled, t, _slopes_of(compiled, wanted, t, p), point, least, names)
     A, B, C, D = slopes.matrices
     by_coordinates, by_inputs = least.of_coordinates[:, : len(places)], least.of_inputs  # discrete ones come last
     return Linearization(
@@ -165,7 +163,7 @@ def linearize(
         t,
         tuple(compiled.states[k] for k in places),
         compiled.inputs,
-        tuple(output.name for output in wanted),
+        tuple(names),
         (A @ by_coordinates)[places],
         (B + A @ by_inputs)[places],
         C @ by_coordinates,

@@ -111,6 +111,7 @@ def flatten(
     starts, surplus = builder.starts()
     initial = builder.initial_equations() + surplus
     fill_starts(pool, starts, discrete)
+    delayed = delays(pool, [*equations, *initial], *builder.clauses) if pool.delays else ()
     demands = [a for a in builder.asserts if pool.is_constant(a.condition)]
     flat = FlatSystem(
         name=type(model).__name__,
@@ -127,9 +128,7 @@ def flatten(
         inputs=inputs,
         parameter_values=tuple(free.values),
         starts=starts,
-        delays=delays(pool, [*equations, *initial], builder.whens, builder.assignments, builder.asserts)
-        if pool.delays
-        else (),
+        delays=delayed,
         undelayed=tuple(pool.undelayed),
         experiment=type(model).experiment,
         components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
@@ -138,10 +137,9 @@ def flatten(
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated([i.component for i in found])
-    # what one structure of many does not hear, another may
-    return (
-        flat if choices or not overrides else replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
-    )
+    if choices or not overrides:  # what one structure of many does not hear, another may
+        return flat
+    return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
 
 
 def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, Connection, Origin]]:
@@ -226,6 +224,11 @@ class _Builder:
     whens: list[FlatWhen] = field(default_factory=list)
     assignments: list[FlatAssignment] = field(default_factory=list)
     asserts: list[FlatAssert] = field(default_factory=list)
+
+    @property
+    def clauses(self) -> tuple[list[FlatWhen], list[FlatAssignment], list[FlatAssert]]:
+        """What equations leave out, as far as it is collected."""
+        return self.whens, self.assignments, self.asserts
 
     def resolve(self, symbol: Symbol) -> Scalars:
         number = self.number_of.get(id(symbol.owner))

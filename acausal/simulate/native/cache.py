@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,6 @@ FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off")
 """-O3 makes the linear algebra of an integrator 10 % faster than -O2. Without contraction a compiled run gives the
 interpreter's numbers on machines with fused multiply-add as well."""
 
-# Goes into every key: raised when the sources that `source.py` writes change their meaning.
-_FORMAT = "13"
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
@@ -59,9 +58,16 @@ def compiler() -> str | None:
     return None
 
 
+@cache
+def _program() -> str:
+    """Hash of this folder, which writes the sources: a number to be raised by hand was forgotten."""
+    files = sorted(path for path in Path(__file__).parent.iterdir() if path.suffix in {".c", ".py"})
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
+
+
 def key(kind: str, *made_from: str) -> str:
     """Hash of a kind of library and all it is made from; a compiler is not part of it, so that a hit needs none."""
-    words = (_FORMAT, kind, ca.CasadiMeta.version(), sys.platform, platform.machine(), *FLAGS, *made_from)
+    words = (_program(), kind, ca.CasadiMeta.version(), sys.platform, platform.machine(), *FLAGS, *made_from)
     return hashlib.sha256("\0".join(words).encode()).hexdigest()
 
 

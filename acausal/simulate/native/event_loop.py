@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, address, prepare
 
-_FILES = "bracketing.c", "event_loop.c", "stretches.c"
+_FILES = "bracketing.c", "event_loop.c", "rounds.c", "stretches.c"
 
 
 def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:
