@@ -492,3 +492,13 @@ def test_an_input_that_hardly_changes_is_followed(amplitude: float, form: str) -
     result = acausal.simulate(Ripple(), inputs={"u": given}, stop_time=2.0, tolerance=1e-6)
     exact = amplitude * (1.0 - np.cos(6.0)) / 3.0
     assert result.final("x") == pytest.approx(exact, rel=1e-5, abs=3e-12)
+
+
+def test_a_result_of_a_file_has_the_same_values_as_an_input(tmp_path: Path, lag: Any) -> None:
+    """Rows that jump: a spline through them swings beyond by 0.2 of the jump; what `result.at` gives does not."""
+    rows = "\n".join(f"{k},{0 if k < 10 else 1000}" for k in range(31))
+    (tmp_path / "steps.csv").write_text(f"time [s],u [mV]\n{rows}\n")
+    steps = acausal.load(tmp_path / "steps.csv")
+    times = np.linspace(0.0, 30.0, 601)
+    driven = acausal.simulate(lag, inputs={"u": steps}, stop_time=30.0, tolerance=1e-6)
+    assert driven.at(times, "u") == pytest.approx(1e-3 * np.asarray(steps.at(times, "u")), abs=1e-6)

@@ -121,8 +121,7 @@ def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: fl
         error = _allowed(look, share)
         _check_limits(name, declared, look, error)
         return sampled(signal, np.array([start, stop]), error, f"input {name}")
-    series, exact = series_of(name, value)
-    series = _in_unit(name, declared, series)
+    series, exact = _in_unit(name, declared, *series_of(name, value))
     times, values = _covering(name, series, start, stop)
     inside = (times >= start) & (times <= stop)
     own = values[inside] if inside.any() else values
@@ -144,6 +143,18 @@ class _Chords:
 
     def __call__(self, at: Vector) -> Vector:
         return np.asarray(np.interp(at, self.times, self.values))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A signal in another unit."""
+
+    signal: Callable[[Vector], Vector]
+    scale: float
+    zero: float
+
+    def __call__(self, at: Vector) -> Vector:
+        return self.signal(at) * self.scale + self.zero
 
 
 def _called(function: Callable[[float], Any], name: str) -> Callable[[Vector], Vector]:
@@ -208,8 +219,6 @@ def _short(value: Any) -> str:
 
 def _of_result(result: Result, signal: str) -> tuple[TimeSeries, Callable[[Vector], Vector] | None]:
     series = TimeSeries(result.time, result[signal], "smooth", result.unit(signal), f"{signal} of {result.model}")
-    if result.dense is None:
-        return series, None
     return series, lambda times: np.asarray(result.at(times, signal))
 
 
@@ -242,10 +251,12 @@ def _of_pandas(name: str, value: Any) -> TimeSeries:
     return TimeSeries(times, column.to_numpy(dtype=np.float64), "linear", unit, f"input {name}")
 
 
-def _in_unit(name: str, declared: Declaration, series: TimeSeries) -> TimeSeries:
-    """The series in the unit of the input, which is coherent."""
+def _in_unit(
+    name: str, declared: Declaration, series: TimeSeries, exact: Callable[[Vector], Vector] | None
+) -> tuple[TimeSeries, Callable[[Vector], Vector] | None]:
+    """The series in the unit of the input, which is coherent, and its values at any time."""
     if not series.unit or series.unit == declared.unit:
-        return series
+        return series, exact
     try:
         source = parse(series.unit)
         if declared.unit and source.dimension != parse(declared.unit).dimension:
@@ -259,12 +270,13 @@ def _in_unit(name: str, declared: Declaration, series: TimeSeries) -> TimeSeries
             fact = f"{series.name} in {series.unit} does not fit input {name} in {declared.unit}"
             raise UsageError("AC151", fact, evidence=[reason], help="correct the unit, or convert the values")
         zero = in_si(0.0, series.unit)
-        values = series.values * (in_si(1.0, series.unit) - zero) + zero
+        scale = in_si(1.0, series.unit) - zero
     except UsageError:
         raise
     except AcausalError as error:
         raise UsageError(error.code, f"{series.name}: {error.fact}", evidence=error.evidence, help=error.help) from None
-    return replace(series, value=values, unit=declared.unit)
+    series = replace(series, value=series.values * scale + zero, unit=declared.unit)
+    return series, exact and _Scaled(exact, scale, zero)
 
 
 def _covering(name: str, series: TimeSeries, start: float, stop: float) -> tuple[Vector, Vector]:
@@ -302,7 +314,7 @@ def _check_limits(name: str, declared: Declaration, values: Vector, slack: float
 
 
 def _smooth(name: str, times: Vector, values: Vector, error: float, exact: Callable[[Vector], Vector] | None) -> Pieces:
-    """A spline between jumps; the solver's own values where they are at hand and the spline is not as good."""
+    """A spline between jumps; the result's own values where it has some and the spline is not as good."""
     from scipy.interpolate import CubicSpline
 
     doubles = (np.flatnonzero(np.diff(times) == 0.0) + 1).tolist()
