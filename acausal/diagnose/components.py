@@ -24,6 +24,7 @@ from acausal.diagnose.words import (
 )
 from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem, FlatVariable
+from acausal.language.component import Component
 from acausal.language.declarations.declaration import Kind
 
 
@@ -161,14 +162,33 @@ def _too_many(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> S
         cause = "the variables of its parts are determined by the parts and their connections already"
         if ends:
             cause = f"{listed(ends)} is not connected, so its flow is zero; it cannot be given a potential as well"
+    advice = _advice(bound, blamed, surplus, cls.__name__)
+    base = _restated(cls, count.stated)
+    if base is not None:
+        cause = f"`super().equations()` states the equations of {base.__name__} once more: a subclass inherits them"
+        advice = "state only what is new, without `yield from super().equations()`"
     return StructureError(
         "AC202",
         fact,
         where=places(flat, blamed[:1]) or [*made_at(flat, path), *stated_at(cls)],
         evidence=[*_stated(flat, count.stated), *_also(cls.__name__, alike)],
         cause=cause,
-        help=_advice(bound, blamed, surplus, cls.__name__),
+        help=advice,
     )
+
+
+def _restated(cls: type[Component], stated: list[FlatEquation]) -> type[Component] | None:
+    """The base class with an equation that its subclass `cls` states again, from the same place of the source."""
+    seen = set()
+    for e in stated:
+        place = (e.origin, e.left, e.right)
+        code = getattr(e.origin, "code", None)
+        if place in seen:
+            for base in cls.__mro__[1:]:
+                if code is not None and getattr(base.__dict__.get("equations"), "__code__", None) is code:
+                    return base
+        seen.add(place)
+    return None
 
 
 def _advice(bound: list[FlatEquation], blamed: list[FlatEquation], surplus: int, cls: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from acausal.errors import Span
-from acausal.flatten.flat import FlatEquation, FlatSystem, suffix
+from acausal.flatten.flat import FlatAssignment, FlatEquation, FlatSystem, FlatWhen, suffix
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
 from acausal.language.declarations.misuse import declared_at
@@ -91,7 +91,9 @@ def equations_of(flat: FlatSystem, components: Sequence[str]) -> str:
     return f"{flat.name}: equations of {listed((label(flat, c) for c in components), 3)}"
 
 
-def places(flat: FlatSystem, equations: Iterable[FlatEquation], limit: int = 3) -> list[Span]:
+def places(
+    flat: FlatSystem, equations: Iterable[FlatEquation | FlatAssignment | FlatWhen], limit: int = 3
+) -> list[Span]:
     """Where equations stand; for those of the library, where the component was made that they belong to."""
     found: list[Span] = []
     for e in equations:

@@ -381,4 +381,4 @@ def check_bound(instance: Instance, name: str, value: Expr) -> None:
     field: Symbol = getattr(instance.component, name)
     if isinstance(value, Symbol) and value.declaration.unit == field.declaration.unit:
         return
-    check_dimensions(Equation(field, value), (instance.origin.span(),))
+    check_dimensions(Equation(field, value), (instance.origin_of_value(name).span(),))

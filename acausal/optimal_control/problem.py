@@ -156,7 +156,10 @@ class StatedProblem:
         return self.quantities.decide(name, min, max)
 
     def minimize(self, objective: Any) -> None:
-        """Set the objective: a scalar expression of durations, values at ends and integrals."""
+        """Set the objective: a scalar expression of durations, values at ends and integrals.
+
+        A second call replaces the objective, as in CasADi's `Opti.minimize`; add the terms of a sum in one call.
+        """
         if isinstance(objective, str) or objective is None:
             objective = self._expression(objective or "")
         self.objective = ca.MX(objective)

@@ -207,6 +207,20 @@ class MassInMetres(Component):
         self.mass = translational.Mass(m=self.length)
 
 
+@corpus.broken(
+    "AC155",
+    "area == length * length",
+    'area: Real = parameter(default=lambda self: self.length * self.length, unit="m")',
+)
+class AreaInMetres(Component):
+    length: Real = parameter(default=1.0, unit="m")
+    area: Real = parameter(default=lambda self: self.length * self.length, unit="m")
+    x: Real = variable(unit="m")
+
+    def equations(self) -> Equations:
+        yield self.x == self.area
+
+
 @corpus.broken("AC155", "mass.s == weight", "translational.Mass(m=1.0, s=fixed(self.weight))")
 class StartInKilograms(Component):
     weight: Real = parameter(default=1.0, unit="kg")

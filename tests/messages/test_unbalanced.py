@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+import acausal
 from acausal import Component, Equations, Real, connect, der, parameter, part, signal_input, signal_output, variable
+from acausal.errors import AcausalError
 from acausal.library import electrical, translational
 from tests.messages.cases import Case, Corpus
 
@@ -177,6 +179,28 @@ class Twice(Component):
     def equations(self) -> Equations:
         yield self.x == 1.0
         yield 2.0 * self.x == 3.0
+
+
+class Base(Component):
+    x: Real = variable(unit="m")
+    y: Real = variable(unit="m")
+
+    def equations(self) -> Equations:
+        yield self.x == 1.0
+
+
+@corpus.broken("AC202", "StatesItsBaseAgain", "def equations(self) -> Equations:")
+class StatesItsBaseAgain(Base):
+    """The equations of a base class belong to its subclasses without a call, as in Modelica."""
+
+    def equations(self) -> Equations:
+        yield from super().equations()
+        yield self.y == self.x
+
+
+def test_super_is_named_as_the_cause() -> None:
+    with pytest.raises(AcausalError, match=r"super\(\)\.equations\(\)` states the equations of Base once more"):
+        acausal.compile(StatesItsBaseAgain())
 
 
 @corpus.broken("AC201", "x", "def equations(self) -> Equations:")

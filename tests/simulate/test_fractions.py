@@ -1,5 +1,6 @@
 """Integers stay whole (Modelica 3.6, section 4.9.3): what would make a fraction of one ends the run."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -35,6 +36,8 @@ def test_a_fraction_ends_the_run(by_reset: bool, run: dict[str, Any]) -> None:
         acausal.simulate(Counting(by_reset=by_reset), stop_time=1.0, **run)
     assert caught.value.result is not None
     assert caught.value.result.time[-1] >= 0.5
+    line = Path(__file__).read_text().splitlines()[caught.value.where[0].line - 1]
+    assert ("reset(self.n" if by_reset else "yield self.n ==") in line  # the statement, not where all of them begin
 
 
 @pytest.mark.parametrize(("by_reset", "last"), [(True, 3.0), (False, 1.0)])

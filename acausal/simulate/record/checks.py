@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 from acausal.analyse.events.state_events import switched_dependents
 from acausal.arrays import Vector
 from acausal.diagnose.words import component_of, listed, made_at
+from acausal.diagnose.words import places as stated_places
 from acausal.errors import EventError, UsageError
-from acausal.flatten.flat import suffixes
+from acausal.flatten.flat import FlatAssignment, FlatWhen, suffixes
 from acausal.flatten.reduced import nominal
 from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
@@ -209,10 +210,15 @@ def refuse_fractions(recorder: Recorder) -> None:
     row = int(np.argmax(fractions.any(axis=0)))
     k = int(np.argmax(fractions[:, row]))
     name = compiled.states[places[k]]
+    flat = compiled.flat
+    stated: list[FlatAssignment | FlatWhen] = [
+        *(a for a in flat.assignments if flat.scalar_name(a.scalar) == name),
+        *(w for w in flat.whens if any(flat.scalar_name(scalar) == name for scalar, _ in w.actions)),
+    ]
     raise EventError(
         "AC147",
         f"{compiled.name}: {name} is an integer and became {values[k, row]:.9g} at t = {times[row]:.9g} s",
-        where=made_at(compiled.flat, component_of(compiled.flat, name)),
+        where=stated_places(flat, stated) or made_at(flat, component_of(flat, name)),
         cause="the right side of its equation, or of a reset, is not whole there",
         help="round it, floor(x), or declare the variable by discrete()",
     )

@@ -402,13 +402,14 @@ class _Search:
             q = self.least(q, _FINE) if not last else q
         rest = self._residuals_of_success(q)
         parts = self.by_signal(rest)
+        data = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]))
         judgement: Judgement = judge(
             self.weights() * rest,
             self.weights()[:, None] * self.derivatives(q),
             q,
             self.unknown,
-            self.is_known,
-            parts,
+            {name: rows.astype(np.intp) for name, rows in self.by_signal(np.arange(float(self.rows)), True).items()},
+            {name: (part, float(np.abs(data[name]).max())) for name, part in parts.items()},
         )
         unknown = self.unknown
         results = self.results(q)

@@ -19,6 +19,10 @@ _ALIKE = 1e-3
 _SHARE = 0.05
 # Correlation above which two parameters count as hardly distinguishable.
 _CLOSE = 0.99
+# Fewest degrees of freedom that the noise of a signal can be told from.
+_FEW = 0.5
+# Size of residuals relative to the data below which they are errors of the runs, and tell nothing of the model.
+_EXACT = 1e-8
 # Autocorrelation of successive residuals above which they are no white noise, which has about 1/sqrt(rows).
 _AUTOCORRELATION = 0.5
 
@@ -61,27 +65,34 @@ def judge(
     jacobian: Vector,
     q: Vector,
     unknown: Unknowns,
-    is_known: bool,
-    by_signal: Mapping[str, Vector],
+    noisy: Mapping[str, NDArray[np.intp]],
+    by_signal: Mapping[str, tuple[Vector, float]],
 ) -> Judgement:
     """Statistics from weighted residuals, shape (rows,), and their derivatives by scaled parameters, shape (rows, n).
 
-    The linearised model has the covariance s^2 (J'J)^-1, with s^2 from the residuals, or 1 where the noise `is_known`
-    (Bates and Watts 1988, section 2.2). Undetermined directions have an infinite standard deviation.
+    `noisy`: rows of each signal whose noise is unknown; the weighted noise of other rows has the variance 1.
+    `by_signal`: residuals and largest magnitude of the data of each signal, in its unit.
+
+    The linearised model has the covariance C (sum s_i^2 J_i'J_i) C with C = (J'J)^-1, where s_i^2 is the variance of
+    the weighted noise of signal i; for a single signal this is s^2 (J'J)^-1 (Bates and Watts 1988, section 2.2).
+    Undetermined directions have an infinite standard deviation. The quantiles are Student's, with the degrees of
+    freedom of a sum of variances (Satterthwaite, Biometrics Bulletin 2, 1946): many rows of one signal do not tell the
+    noise of another.
     """
     from scipy.stats import t as student
 
     rows, n = jacobian.shape
-    square = 1.0 if is_known else float(residuals @ residuals) / (rows - n)
     norms = np.linalg.norm(jacobian, axis=0)
     # parameters whose effect is within the error of differences, and below the noise even at twice their value
-    has_no_effect = (norms <= _NOTHING * norms.max()) & (norms <= np.sqrt(square))
+    level = np.sqrt(float(residuals @ residuals) / (rows - n)) if noisy else 1.0
+    has_no_effect = (norms <= _NOTHING * norms.max()) & (norms <= level)
     effective: NDArray[np.intp] = np.flatnonzero(~has_no_effect)
-    _, size, right = np.linalg.svd(jacobian[:, effective] / norms[effective], full_matrices=False)
+    left, size, right = np.linalg.svd(jacobian[:, effective] / norms[effective], full_matrices=False)
     is_determined = size > _ALIKE
     part = right[is_determined].T / size[is_determined] / norms[effective, None]
     covariance = np.zeros((n, n))
-    covariance[effective[:, None], effective] = square * part @ part.T
+    variance, freedom, unclear = _variance(residuals, left[:, is_determined], part, noisy)
+    covariance[effective[:, None], effective] = variance
     is_undetermined = has_no_effect.copy()
     is_undetermined[effective] = (np.abs(right[~is_determined]) > _SHARE).any(axis=0)
     std = np.sqrt(np.diag(covariance))
@@ -91,19 +102,47 @@ def judge(
     correlation[is_undetermined, :] = correlation[:, is_undetermined] = np.nan
     covariance[is_undetermined, :] = covariance[:, is_undetermined] = np.nan
     covariance[is_undetermined, is_undetermined] = np.inf
-    half_width = (1.96 if is_known else float(student.ppf(0.5 + 0.5 * _CONFIDENCE, rows - n))) * std * unknown.scale
+    quantile = np.full(n, np.inf)
+    quantile[effective] = np.where(freedom < _FEW, np.inf, student.ppf(0.5 + 0.5 * _CONFIDENCE, freedom))
+    half_width = quantile * np.where(quantile < np.inf, std, 1.0) * unknown.scale
     value = q * unknown.scale
     names = np.array(unknown.names)
-    notes = [
+    notes = (
         *(f"{name} does not change the measured signals: what was found is arbitrary" for name in names[has_no_effect]),
         *(_only_combined(names[effective][np.abs(direction) > _SHARE]) for direction in right[~is_determined]),
         *_close(correlation, unknown.names),
         *_at_limit(value, unknown),
+        *unclear,
         *_autocorrelated(by_signal),
-    ]
+    )
     scales = np.outer(unknown.scale, unknown.scale)
     interval = np.column_stack([value - half_width, value + half_width])
-    return Judgement(std * unknown.scale, interval, covariance * scales, correlation, tuple(notes))
+    return Judgement(std * unknown.scale, interval, covariance * scales, correlation, notes)
+
+
+def _variance(
+    residuals: Vector, left: Vector, part: Vector, noisy: Mapping[str, NDArray[np.intp]]
+) -> tuple[Vector, Vector, list[str]]:
+    """(Covariance, shape (n, n), degrees of freedom of each variance, shape (n,), notes).
+
+    `left`, `part`: the weighted derivatives are `left @ pinv(part)`, shapes (rows, k) and (n, k), `left` orthonormal.
+    """
+    n = len(part)
+    is_known = np.ones(len(residuals), dtype=bool)
+    covariance, spread, notes = np.zeros((n, n)), np.zeros(n), []
+    for name, rows in noisy.items():
+        is_known[rows] = False
+        # the rows less the share of the parameters that they determine: the trace of their block of I - left left'
+        freedom = len(rows) - float(np.sum(left[rows] ** 2))
+        if freedom < _FEW:
+            notes.append(f"{name} has too few values to tell its noise: give its sigma")
+        freedom = max(freedom, _FEW / 10.0)
+        own = part @ (left[rows].T @ left[rows]) @ part.T * float(residuals[rows] @ residuals[rows]) / freedom
+        covariance += own
+        spread += np.diag(own) ** 2 / freedom
+    covariance += part @ (left[is_known].T @ left[is_known]) @ part.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return covariance, np.where(spread > 0.0, np.diag(covariance) ** 2 / spread, np.inf), notes
 
 
 def _only_combined(names: Iterable[str]) -> str:
@@ -129,11 +168,12 @@ def _at_limit(value: Vector, unknown: Unknowns) -> list[str]:
     ]
 
 
-def _autocorrelated(by_signal: Mapping[str, Vector]) -> list[str]:
+def _autocorrelated(by_signal: Mapping[str, tuple[Vector, float]]) -> list[str]:
     found = []
-    for name, r in by_signal.items():
+    for name, (r, size) in by_signal.items():
         power = float(r @ r)
-        if len(r) > 20 and power > 0.0 and float(r[1:] @ r[:-1]) / power > _AUTOCORRELATION:
+        is_exact = power <= len(r) * (_EXACT * size) ** 2
+        if len(r) > 20 and not is_exact and float(r[1:] @ r[:-1]) / power > _AUTOCORRELATION:
             found.append(
                 f"the residuals of {name} are no noise but follow one another: the model lacks something, and the "
                 "intervals are too narrow"
