@@ -245,11 +245,12 @@ class _Search:
             again = self._again(wide, rows, low, high, points)
             if again is None:
                 continue
-            keep = asked & (times <= rows.times[low])
-            first = Piece(piece.x[:, keep], piece.z[:, keep], piece.counters)
-            own = np.isin(rows.times[low + 1 : high + 1], segment.times)
-            second = Piece(again.x[:, own], again.z[:, own], again.counters)
             here = float(rows.times[high])
+            # by the row of each, not by equal times: what is one with a row to rounding is no row of its own
+            row = np.searchsorted(rows.times, times, side="right") - 1
+            keep, own = asked & (row <= low), row[asked & (row > low) & (times <= here)] - low - 1
+            first = Piece(piece.x[:, keep], piece.z[:, keep], piece.counters)
+            second = Piece(again.x[:, own], again.z[:, own], again.counters)
             gone = here - segment.start
             return _joined([first, second]), (here, again.x[:, -1], again.z[:, -1], _BEHIND * gone)
         found = Piece(piece.x[:, asked], piece.z[:, asked], piece.counters, piece.stopped)
@@ -573,10 +574,10 @@ def _apart(points: Vector, rows: Vector) -> list[float]:
     closest = rows[nearest(rows, points)]
     moved = np.where(np.abs(points - closest) < _NEAR * (rows[-1] - rows[0]), closest, points)
     found: list[float] = []
-    for stop in np.unique(np.append(moved, rows[-1])).tolist():
-        if stop - (found[-1] if found else rows[0]) >= _NEAR * (rows[-1] - rows[0]):
+    for stop in np.unique(moved).tolist():
+        if min(stop - (found[-1] if found else rows[0]), rows[-1] - stop) >= _NEAR * (rows[-1] - rows[0]):
             found.append(stop)
-    return found
+    return [*found, float(rows[-1])]
 
 
 def _joined(parts: list[Piece]) -> Piece:

@@ -92,7 +92,8 @@ class Smooth:
             here = replace(here, p=moment.m, first=self.pace, max_step=stretch.longest)
             piece = self._integrated(here)
             self.pace = pace(here.start, float(times[-1]), piece.counters)
-            piece = self._record(times[-piece.x.shape[1] :], piece)
+            # what smaller pieces have reached is recorded already
+            piece = self._record(times[times > self.recorder.time], piece)
             self.moved(piece.x[:, -1], piece.z[:, -1], moment.m)
 
     def _record(self, times: Vector, piece: Piece) -> Piece:

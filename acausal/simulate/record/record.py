@@ -70,6 +70,8 @@ class Recorder:
 
         Raises IntegrationError: AC407 where that moves them too far; the rows before are recorded.
         """
+        if piece.x.shape[1] != len(times):
+            raise AssertionError(f"{piece.x.shape[1]} rows at {len(times)} instants: they would be shifted in time")
         add_counters(self.counters, piece.counters)
         found = None
         if self.is_constrained:
