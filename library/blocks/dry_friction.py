@@ -11,6 +11,8 @@ CACSD'99, Hawaii (1999); Modelica.Mechanics.Rotational.Interfaces.PartialFrictio
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from math import inf, isfinite
 from typing import ClassVar, NamedTuple
 
 from acausal import (
@@ -18,6 +20,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    assert_,
     boolean,
     equals,
     infinitesimal,
@@ -28,7 +31,8 @@ from acausal import (
     variable,
     where,
 )
-from acausal.library.blocks.tables import Points, table
+from acausal.errors import DeclarationError
+from acausal.library.blocks.tables import Points, checked_points, table
 
 
 class Surfaces(NamedTuple):
@@ -41,6 +45,40 @@ class Surfaces(NamedTuple):
     acceleration: Expr
     small: Expr
     most: Expr
+
+
+def checked_friction(points: Points) -> None:
+    """Refuse what is no table (AC160), and one by which friction would drive (AC130): it is below zero somewhere."""
+    known = checked_points(points)
+    (x0, y0), (x1, y1) = known[0], known[min(1, len(known) - 1)]
+    at_rest = y0 - x0 * (y1 - y0) / (x1 - x0) if len(known) > 1 else y0
+    least = min(at_rest, *(y for _, y in known))
+    if least < 0.0:
+        raise DeclarationError(
+            "AC130",
+            f"friction over speed comes to {least:.6g}",
+            cause="friction below zero drives what it should brake",
+            help="give values that are not negative, over speeds from 0 on; the sign of the motion is taken care of",
+        )
+
+
+def reach(points: Iterable[tuple[float, float]], low: float = 0.0, high: float = inf) -> float:
+    """Speed at which the line through the last two points leaves the values between `low` and `high`."""
+    known = list(points)
+    if len(known) < 2 or known[-2][1] == known[-1][1]:
+        return inf
+    (x0, y0), (x1, y1) = known[-2:]
+    return x1 + ((high if y1 > y0 else low) - y1) * (x1 - x0) / (y1 - y0)
+
+
+def within(speed: Expr, end: float, is_idle: Expr | bool = False) -> Equations:
+    """The demand that a table of losses is not left so far that the line through its last points would drive."""
+    if isfinite(end):
+        speed = unitless(speed)
+        text = f"beyond {end:.6g} (SI) the line through the last points of the table of friction or losses gives power"
+        yield assert_(
+            (speed <= end) & (speed >= -end) | is_idle, f"{text}: give one more point, with the last value to hold it"
+        )
 
 
 class DryFriction(Component):
@@ -109,6 +147,10 @@ class DryFriction(Component):
         """A magnitude with the sign of the motion."""
         backward = self.startBackward | ~self.startForward & ~self.was(self.FORWARD)
         return where(backward, -magnitude, magnitude)
+
+    def within(self, points: Points) -> Equations:
+        """The demand that what slides is no faster than its table tells, whose last line goes on as in Modelica."""
+        yield from within(self.surfaces().speed, reach(points), self.free)
 
     def characteristic(self, points: Points) -> Expr:
         """Force or coefficient of friction from a table of the speed, with the sign of the motion."""

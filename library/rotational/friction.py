@@ -24,8 +24,8 @@ from acausal import (
     variable,
     where,
 )
-from acausal.library.blocks.dry_friction import DryFriction, Surfaces
-from acausal.library.blocks.tables import Points, checked_points, table
+from acausal.library.blocks.dry_friction import DryFriction, Surfaces, checked_friction, reach, within
+from acausal.library.blocks.tables import Points, table
 from acausal.library.rotational.interfaces import PartialCompliantWithRelativeStates, PartialTwoFlanges
 
 
@@ -61,7 +61,7 @@ class PartialNormalForce(PartialFriction):
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def build(self) -> None:
-        checked_points(self.mu_pos)
+        checked_friction(self.mu_pos)
 
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
@@ -69,6 +69,7 @@ class PartialNormalForce(PartialFriction):
         yield self.tau0 == mu0 * self.cgeo * self.fn
         yield self.tau0_max == self.peak * self.tau0
         yield self.free == (self.fn <= 0.0)
+        yield from self.within(self.mu_pos)
         sliding = self.cgeo * self.fn * self.characteristic(self.mu_pos)
         yield self.tau == where(self.locked, unitless(self.sa), where(self.free, 0.0, sliding))
         yield self.loss_power == self.tau * self.w_relfric
@@ -119,13 +120,14 @@ class BearingFriction(PartialFriction, PartialBetweenShaftAndGround):
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def build(self) -> None:
-        checked_points(self.tau_pos)
+        checked_friction(self.tau_pos)
 
     def equations(self) -> Equations:
         yield self.w_relfric == self.w
         yield self.a_relfric == self.a
         yield self.tau0 == table(self.tau_pos, as_expr(0.0))
         yield self.tau0_max == self.peak * self.tau0
+        yield from self.within(self.tau_pos)
         yield self.tau == where(self.locked, unitless(self.sa), self.characteristic(self.tau_pos))
         yield self.flange_a.tau + self.flange_b.tau - self.tau == 0.0
         yield self.loss_power == self.tau * self.w_relfric
@@ -159,7 +161,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
     stuck: Real = boolean(doc="w_rel = 0: locked, or sliding begins")
 
     def build(self) -> None:
-        checked_points(self.mu_pos)
+        checked_friction(self.mu_pos)
 
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
@@ -178,6 +180,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
         lets_go = (sa > self.tau0_max) | (w_rel > self.w_small)
         yield self.startForward == (pre(self.stuck) & lets_go | initial() & (w_rel > 0.0))
         yield self.locked == (pre(self.stuck) & ~self.startForward)
+        yield from within(w_rel, reach(self.mu_pos), self.free)
         yield self.mu == table(self.mu_pos, w_rel, located=False)
         yield self.a_rel == where(self.locked, infinitesimal() * sa, sa - unitless(self.tau0_max))
         yield self.tau == where(self.locked, sa, where(self.free, 0.0, self.mu * self.cgeo * self.fn))

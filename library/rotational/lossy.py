@@ -28,7 +28,8 @@ from acausal import (
     where,
 )
 from acausal.errors import DeclarationError
-from acausal.library.blocks.tables import table
+from acausal.library.blocks.dry_friction import reach, within
+from acausal.library.blocks.tables import Points, table
 from acausal.library.rotational.interfaces import PartialTwoFlanges
 
 Losses = tuple[tuple[float, float, float, float, float], ...]
@@ -87,6 +88,9 @@ class LossyGear(PartialTwoFlanges):
         forward, backward, stuck = (equals(pre(self.mode), m) for m in (self.FORWARD, self.BACKWARD, self.STUCK))
         eta1, eta2 = self._loss(1), self._loss(2)
         bearing1, bearing2 = (quantity(1.0, "N.m") * self._loss(column) for column in (3, 4))
+        ends = [reach(self._points(column), high=1.0) for column in (1, 2)]
+        ends += [reach(self._points(column)) for column in (3, 4)]
+        yield from within(w, min(ends))
         yield self.phi_a == self.flange_a.phi
         yield self.phi_a == self.ratio * self.flange_b.phi
         yield w == der(self.phi_a)
@@ -119,5 +123,7 @@ class LossyGear(PartialTwoFlanges):
 
     def _loss(self, column: int) -> Expr:
         """A column of the table at the present speed."""
-        points = tuple((row[0], row[column]) for row in self.lossTable)
-        return table(points, fabs(self.w_a), located=False)
+        return table(self._points(column), fabs(self.w_a), located=False)
+
+    def _points(self, column: int) -> Points:
+        return tuple((row[0], row[column]) for row in self.lossTable)

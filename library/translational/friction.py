@@ -25,8 +25,8 @@ from acausal import (
     when,
     where,
 )
-from acausal.library.blocks.dry_friction import DryFriction, Surfaces
-from acausal.library.blocks.tables import Points, checked_points, table
+from acausal.library.blocks.dry_friction import DryFriction, Surfaces, checked_friction
+from acausal.library.blocks.tables import Points, table
 from acausal.library.translational.interfaces import PartialRigid
 
 
@@ -73,7 +73,7 @@ class Brake(PartialFriction, PartialGuided):
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def build(self) -> None:
-        checked_points(self.mu_pos)
+        checked_friction(self.mu_pos)
 
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
@@ -83,6 +83,7 @@ class Brake(PartialFriction, PartialGuided):
         yield self.f0 == mu0 * self.cgeo * self.fn
         yield self.f0_max == self.peak * self.f0
         yield self.free == (self.fn <= 0.0)
+        yield from self.within(self.mu_pos)
         sliding = self.cgeo * self.fn * self.characteristic(self.mu_pos)
         yield self.f == where(self.locked, unitless(self.sa), where(self.free, 0.0, sliding))
         yield self.flange_a.f + self.flange_b.f - self.f == 0.0
@@ -98,13 +99,14 @@ class SupportFriction(PartialFriction, PartialGuided):
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def build(self) -> None:
-        checked_points(self.f_pos)
+        checked_friction(self.f_pos)
 
     def equations(self) -> Equations:
         yield self.v_relfric == self.v
         yield self.a_relfric == self.a
         yield self.f0 == table(self.f_pos, as_expr(0.0))
         yield self.f0_max == self.peak * self.f0
+        yield from self.within(self.f_pos)
         yield self.f == where(self.locked, unitless(self.sa), self.characteristic(self.f_pos))
         yield self.flange_a.f + self.flange_b.f - self.f == 0.0
         yield self.loss_power == self.f * self.v_relfric
