@@ -12,6 +12,8 @@ from acausal.flatten.instances.instances import placed
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
 
+_INDEX = re.compile(r"\[[\d, ]+\]$")
+
 _FILE = re.compile(r"(?P<file>.+?\.(?:[A-Za-z]{3}|parquet))(?::(?P<column>.+))?")
 _PLAIN = re.compile(r"[-+]?[\d.]+([eE][-+]?\d+)?")
 _INDEX = re.compile(r"\[[\d, ]+\]$")
@@ -75,3 +77,8 @@ def _assignments(flag: str, texts: Sequence[str] | None) -> list[tuple[str, str]
 def declarations(model: Component) -> Mapping[str, Declaration]:
     """Declarations by path."""
     return {i.prefix + name: d for i in placed(model)[0] for name, d in i.component._declarations.items()}
+
+
+def declared_as(declarations: Mapping[str, Declaration], path: str) -> Declaration | None:
+    """The declaration of a variable or parameter, or of the array that an element `w[1]` belongs to."""
+    return declarations.get(_INDEX.sub("", path))

@@ -20,6 +20,7 @@ from acausal.language.statement import Origin
 from acausal.units import convert
 
 # Commas between names, not those of R[0,1].
+_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _COMMA = re.compile(r",(?![^\[]*\])")
 _SPACE = 3
 _ELEMENT = re.compile(r"(?P<path>.+?)\[(?P<index>\d+(?:\s*,\s*\d+)*)\]")
@@ -67,15 +68,19 @@ def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequen
 def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None = None) -> dict[str, float]:
     """Numbers by name, from texts NAME=VALUE, in SI; with a unit where `model` declares one. Errors name `flag`."""
     found = {}
+    for name, value in values_of(flag, given).items():
+        declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
+        found[name] = number_in(flag, f"{name}={value}", value, declared)
+    return found
+
+
+def values_of(flag: str, given: Sequence[str] | None) -> dict[str, str]:
+    """The values of texts NAME=VALUE as texts, by name."""
     for text in given or ():
         if "=" not in text:
             raise UsageError("AC009", f"{flag} {text}: write NAME=VALUE")
     pairs = ([part.strip() for part in text.split("=", 1)] for text in given or ())
-    for name, value in _once(flag, ((name, value) for name, value in pairs)).items():
-        text = f"{name}={value}"
-        declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
-        found[name] = number_in(flag, text, value, declared)
-    return found
+    return _once(flag, ((name, value) for name, value in pairs))
 
 
 def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
@@ -86,6 +91,13 @@ def number_in(flag: str, text: str, value: str, declared: Declaration | None) ->
         return float(value)
     except ValueError as error:
         raise UsageError("AC009", f"{flag} {text}: no number") from error
+
+
+def difference_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
+    """The difference in `value`, as `number_in`: one of degrees Celsius is not the temperature."""
+    match = _NUMBER.match(value)
+    number = number_in(flag, text, value, declared)
+    return number - number_in(flag, text, "0" + value[match.end() :], declared) if match else number
 
 
 def listed(texts: Sequence[str] | None) -> list[str]:

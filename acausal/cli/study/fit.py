@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from acausal.cli.arguments import options
+from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, starts_of
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import numbers_of, prepare
+from acausal.cli.arguments.settings import difference_in, number_in, prepare, values_of
 from acausal.cli.output.report import plural, record, remark, say, table
 from acausal.errors import UsageError
+from acausal.language.declarations.declaration import Declaration
 
 if TYPE_CHECKING:
     from acausal.study.fit.fit import Fit
@@ -33,7 +35,9 @@ def fit(
     free: Annotated[
         list[str],
         typer.Option(
-            "--free", metavar="PATH,...", help="Parameters to find; PATH=LOW:HIGH limits one (SI). Repeatable."
+            "--free",
+            metavar="PATH,...",
+            help="Parameters to find; PATH=LOW:HIGH limits one, with units. Repeatable.",
         ),
     ],
     settings: options.Set = None,
@@ -45,7 +49,7 @@ def fit(
         typer.Option(
             "--sigma",
             metavar="SIGNAL=VALUE",
-            help="Standard deviation of the noise of a signal, in SI units. Default: estimated.",
+            help="Standard deviation of the noise of a signal, units allowed. Default: estimated.",
         ),
     ] = None,
     tolerance: options.Tolerance = None,
@@ -73,15 +77,18 @@ def fit(
     if picture is not None:
         check_picture(picture)
     prepared = prepare(cls, settings or ())
-    from acausal.cli.arguments.inputs import inputs_of, starts_of
     from acausal.study.fit.dataset import Dataset
     from acausal.study.fit.fit import fit as fitted
 
-    noise = numbers_of("--sigma", sigma)
+    declared = declarations(prepared.model)
+    noise = {
+        name: difference_in("--sigma", f"{name}={value}", value, declared_as(declared, name))
+        for name, value in values_of("--sigma", sigma).items()
+    }
     found = fitted(
         prepared.model,
         [Dataset(str(file), sigma=noise, name=file.name) for file in data],
-        _limits(free),
+        _limits(free, declared),
         parameters={k: v for k, v in prepared.parameters.items() if isinstance(v, float)},
         inputs=inputs_of(prepared.model, inputs, interpolation),
         start=starts_of(prepared.model, start),
@@ -100,7 +107,7 @@ def fit(
         _remark(found, model, picture)
 
 
-def _limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
+def _limits(texts: Sequence[str], declared: Mapping[str, Declaration]) -> dict[str, tuple[float, float]]:
     found: dict[str, tuple[float, float]] = {}
     for part in (p.strip() for text in texts for p in text.split(",")):
         name, sign, limits = (p.strip() for p in part.partition("="))
@@ -109,11 +116,13 @@ def _limits(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
             raise UsageError("AC009", f"--free {part}: write PATH or PATH=LOW:HIGH, with commas between")
         if name in found:
             raise UsageError("AC009", f"--free names {name} twice")
-        try:
-            found[name] = (float(low or "-inf"), float(high or "inf"))
-        except ValueError:
-            raise UsageError("AC009", f"--free {part}: a limit is no number") from None
+        own = declared_as(declared, name)
+        found[name] = (_limit(part, low or "-inf", own), _limit(part, high or "inf", own))
     return found
+
+
+def _limit(part: str, text: str, declared: Declaration | None) -> float:
+    return float(text) if text.endswith("inf") else number_in("--free", part, text, declared)
 
 
 def _content(found: Fit) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import sys
 import time
 from collections import Counter
@@ -15,10 +14,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.arguments import options
-from acausal.cli.arguments.inputs import declarations, inputs_of, starts_of
+from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, starts_of
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import listed, number_in, prepare, seconds_of
+from acausal.cli.arguments.settings import difference_in, listed, number_in, prepare, seconds_of
 from acausal.cli.output.report import plural, quantity, record, remark, say, seconds, table
 from acausal.cli.run.progress import ProgressBar
 from acausal.errors import UsageError
@@ -227,8 +226,6 @@ def _content(found: Sweep) -> dict[str, object]:
 
 
 _FORMS = "PATH=LOW:HIGH:COUNT, PATH=log:LOW:HIGH:COUNT, PATH=A,B,C or PATH=normal:MEAN:DEVIATION"
-_INDEX = re.compile(r"\[[\d, ]+\]$")
-_NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def variations_of(model: Component, texts: Sequence[str] | None) -> dict[str, Any]:
@@ -245,7 +242,7 @@ def variations_of(model: Component, texts: Sequence[str] | None) -> dict[str, An
             raise _unreadable(text)
         if name in found:
             raise UsageError("AC009", f"--vary {name} is given twice")
-        found[name] = _variation(text, values, declared.get(_INDEX.sub("", name)))
+        found[name] = _variation(text, values, declared_as(declared, name))
     if not found:
         raise UsageError("AC060", "nothing is varied", help=f"--vary {_FORMS}")
     return found
@@ -264,7 +261,7 @@ def _variation(text: str, values: str, declared: Declaration | None) -> Any:
         parts = rest.split(":")
         if len(parts) != 2:
             raise _unreadable(text)
-        return norm(number(parts[0]), _difference(number, parts[1]))
+        return norm(number(parts[0]), difference_in("--vary", text, parts[1].strip(), declared))
     is_log = kind == "log"
     parts = (rest if is_log else values).split(":")
     if len(parts) in (2, 3):
@@ -274,12 +271,6 @@ def _variation(text: str, values: str, declared: Declaration | None) -> Any:
     if len(parts) > 3 or is_log:
         raise _unreadable(text)
     return [number(part) for part in values.split(",")]
-
-
-def _difference(number: Any, text: str) -> float:
-    """A difference in SI: of degrees Celsius it is not the temperature."""
-    match = _NUMBER.match(text)
-    return float(number(text) - number("0" + text[match.end() :])) if match else float(number(text))
 
 
 def _unreadable(text: str) -> UsageError:

@@ -450,6 +450,31 @@ def test_the_command_prints_what_was_found(tmp_path: Path) -> None:
     assert twice.exit_code == 2
 
 
+def test_noise_and_limits_have_units_on_the_command_line(tmp_path: Path) -> None:
+    """A deviation of 0.5 degC is one of 0.5 K; a limit of 40 degC is 313.15 K (SI brochure, section 2.3.1)."""
+    t = np.linspace(0.0, 3.0, 7)
+    file = tmp_path / "warm.csv"
+    file.write_text("\n".join(["time [s],T [degC]", *(f"{x},{20.0 + 50.0 * np.exp(-x)}" for x in t)]))
+    model = tmp_path / "warm.py"
+    model.write_text(
+        "from acausal import Component, Equations, Real, der, fixed, parameter, variable\n\n\n"
+        "class Warm(Component):\n"
+        '    T0: Real = parameter(default=290.0, unit="K")\n'
+        '    k: Real = parameter(default=1.0, unit="1/s")\n'
+        '    T: Real = variable(default=fixed(343.15), unit="K")\n\n'
+        "    def equations(self) -> Equations:\n"
+        "        yield der(self.T) == -self.k * (self.T - self.T0)\n"
+    )
+
+    def std(sigma: str, limits: str) -> tuple[float, float]:
+        words = ["fit", str(model), str(file), "--free", f"T0={limits}", "--sigma", f"T={sigma}", "--json"]
+        (found,) = json.loads(CliRunner().invoke(app, words).output)["parameters"]
+        return found["value"], found["std"]
+
+    assert std("0.5degC", "10degC:40degC") == std("0.5", "283.15:313.15")
+    assert std("0.5", "10degC:40degC")[0] == pytest.approx(293.15, abs=1e-3)
+
+
 class Turning(Component):
     """x' = -1 from b on, and y' = sign(x) without an event: the derivative of y by b is that of an instant."""
 
