@@ -113,7 +113,7 @@ def draw(exhibits: Sequence[Exhibit], file: Path) -> None:
     """One panel per scene, two in a row."""
     columns = min(2, len(exhibits))
     rows = -(-len(exhibits) // columns)
-    figure = Figure(figsize=(6.1 * columns, 3.7 * rows), layout="constrained")
+    figure = Figure(figsize=(6.1 * columns, 4.0 * rows), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, exhibit in zip(axes, exhibits, strict=False):
@@ -149,7 +149,8 @@ def draw(exhibits: Sequence[Exhibit], file: Path) -> None:
         ax.set_ylabel(exhibit.y, fontsize=8)
         ax.tick_params(which="both", labelsize=7.5)
         ax.grid(color="0.92", lw=0.6)
-        ax.legend(fontsize=6.8, loc="best", framealpha=0.9)
+        # below the panel: within, "best" still covers the start of a curve
+        ax.legend(fontsize=7.5, loc="upper left", bbox_to_anchor=(0.0, -0.17), ncols=2, frameon=False, borderaxespad=0.0)
     for ax in axes[len(exhibits) :]:
         ax.set_axis_off()
     file.parent.mkdir(parents=True, exist_ok=True)
