@@ -150,7 +150,8 @@ def draw(exhibits: Sequence[Exhibit], file: Path) -> None:
         ax.tick_params(which="both", labelsize=7.5)
         ax.grid(color="0.92", lw=0.6)
         # below the panel: within, "best" still covers the start of a curve
-        ax.legend(fontsize=7.5, loc="upper left", bbox_to_anchor=(0.0, -0.17), ncols=2, frameon=False, borderaxespad=0.0)
+        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.17), "borderaxespad": 0.0}
+        ax.legend(fontsize=7.5, ncols=2, frameon=False, **place)
     for ax in axes[len(exhibits) :]:
         ax.set_axis_off()
     file.parent.mkdir(parents=True, exist_ok=True)

@@ -81,7 +81,7 @@ def flatten(
     """
     overrides, (found, added) = dict(parameters or {}), placed(model, choices)
     check_overrides(overrides, found)
-    number_of = numbers(found)
+    pool, number_of = Pool(), numbers(found)
     composites = {i.number: statements(i.component) for i in found if not i.is_leaf}
     leaves = _LeafStatements([i for i in found if i.number not in composites])
     connected = _connections({**composites, **leaves.connecting()})
@@ -91,7 +91,6 @@ def flatten(
     elements = cut_elements(element_joints(found, connected, signals, number_of), cut)
     signals = cut_joints(signals, cut)
     tree = spanning_tree(found, physical, number_of)
-    pool = Pool()
     variables = allocate(pool, found, physical, signals, tree.cut)
     free = ParameterTable(pool, found, number_of, overrides)
     builder = _Builder(pool, found, number_of, free, open_inputs(found[0], cut))
@@ -137,8 +136,11 @@ def flatten(
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated([i.component for i in found])
-    if choices or not overrides:  # what one structure of many does not hear, another may
-        return flat
+    return flat if choices or not overrides else _with_unheard(flat, overrides)
+
+
+def _with_unheard(flat: FlatSystem, overrides: Mapping[str, object]) -> FlatSystem:
+    """With a note on parameters that nothing hears; one structure of many does not know what another hears."""
     return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
 
 

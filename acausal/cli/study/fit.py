@@ -81,10 +81,7 @@ def fit(
     from acausal.study.fit.fit import fit as fitted
 
     declared = declarations(prepared.model)
-    noise = {
-        name: difference_in("--sigma", f"{name}={value}", value, declared_as(declared, name))
-        for name, value in values_of("--sigma", sigma).items()
-    }
+    noise = _noise(sigma, declared)
     found = fitted(
         prepared.model,
         [Dataset(str(file), sigma=noise, name=file.name) for file in data],
@@ -105,6 +102,13 @@ def fit(
     _print(found)
     if not quiet:
         _remark(found, model, picture)
+
+
+def _noise(texts: Sequence[str] | None, declared: Mapping[str, Declaration]) -> dict[str, float]:
+    return {
+        name: difference_in("--sigma", f"{name}={value}", value, declared_as(declared, name))
+        for name, value in values_of("--sigma", texts).items()
+    }
 
 
 def _limits(texts: Sequence[str], declared: Mapping[str, Declaration]) -> dict[str, tuple[float, float]]:
