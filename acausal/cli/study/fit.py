@@ -116,7 +116,7 @@ def _limits(texts: Sequence[str], declared: Mapping[str, Declaration]) -> dict[s
     for part in (p.strip() for text in texts for p in text.split(",")):
         name, sign, limits = (p.strip() for p in part.partition("="))
         low, colon, high = limits.partition(":")
-        if not name or bool(sign) != bool(colon):
+        if not name or bool(sign) != bool(colon) or ":" in high:
             raise UsageError("AC009", f"--free {part}: write PATH or PATH=LOW:HIGH, with commas between")
         if name in found:
             raise UsageError("AC009", f"--free names {name} twice")
@@ -126,7 +126,7 @@ def _limits(texts: Sequence[str], declared: Mapping[str, Declaration]) -> dict[s
 
 
 def _limit(part: str, text: str, declared: Declaration | None) -> float:
-    return float(text) if text.endswith("inf") else number_in("--free", part, text, declared)
+    return float(text) if text in {"-inf", "inf"} else number_in("--free", part, text, declared)
 
 
 def _content(found: Fit) -> dict[str, Any]:

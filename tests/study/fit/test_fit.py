@@ -495,3 +495,14 @@ def test_a_jump_without_an_event_is_fitted_by_differences() -> None:
     times, b = np.linspace(0.0, 1.0, 21), 0.3137
     found = fit(Turning(), {"y": (times, np.where(times < b, times, 2.0 * b - times))}, ["b"])
     assert found.value[0] == pytest.approx(b, abs=1e-4)
+
+
+@pytest.mark.parametrize(("limits", "code"), [("c=1:2:3", "AC009"), ("c=3", "AC009"), ("c=xinf:3", "AC152")])
+def test_limits_that_cannot_be_read_are_refused(tmp_path: Path, limits: str, code: str) -> None:
+    """PATH=LOW:HIGH, each a number with an optional unit."""
+    file = tmp_path / "swing.csv"
+    file.write_text("time [s],mass.s [m]\n0,0.1\n1,0.05\n2,0.03\n")
+    shown = CliRunner().invoke(app, ["fit", "Oscillator", str(file), "--free", limits])
+    assert shown.exit_code == 2, shown.output
+    assert code in shown.output
+    assert limits in shown.output
