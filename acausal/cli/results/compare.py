@@ -218,14 +218,10 @@ def _between(result: Result, times: Array, name: str, either: Array) -> tuple[Ar
     low, high = value.copy(), value.copy()
     events = np.intersect1d(_repeated(result), either)
     if events.size:
-        after = np.clip(np.searchsorted(events, times), 1, len(events)) - 1
-        nearest = np.where(
-            np.abs(times - events[after]) <= np.abs(times - events[np.minimum(after + 1, len(events) - 1)]),
-            after,
-            np.minimum(after + 1, len(events) - 1),
-        )
-        is_near = np.abs(times - events[nearest]) <= 1e-9 * max(abs(times[0]), abs(times[-1]))
-        values, here = result[name], events[nearest[is_near]]
+        rounding = 1e-9 * max(abs(times[0]), abs(times[-1]))
+        event = events[np.minimum(np.searchsorted(events, times - rounding), len(events) - 1)]
+        is_near = np.abs(times - event) <= rounding
+        values, here = result[name], event[is_near]
         before = np.searchsorted(result.time, here, side="left")
         behind = np.searchsorted(result.time, here, side="right") - 1
         for rows in (before, behind):

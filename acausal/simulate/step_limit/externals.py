@@ -5,9 +5,12 @@ from __future__ import annotations
 from functools import lru_cache
 from weakref import WeakKeyDictionary
 
+import casadi as ca
+
 from acausal.language.expressions.external import Call, External
 from acausal.language.expressions.lookup import Lookup
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.external import function as casadi_function
 
 _NOTE = (
     "what comes and goes within one step inside of {} is not seen, as kinks and steep parts of external functions are "
@@ -41,11 +44,7 @@ def note_on_externals(compiled: CompiledModel) -> str:
 @lru_cache(maxsize=256)
 def _may_wake(external: External) -> bool:
     """Whether it has kinks, jumps or steep parts, or cannot be looked into."""
-    import casadi as ca
-
-    from acausal.numeric.external import function as declared
-
-    function = declared(external)
+    function = casadi_function(external)
     try:
         scalar = function if function.is_a("SXFunction") else function.expand()
     except RuntimeError:
