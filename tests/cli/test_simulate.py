@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,16 @@ def test_summary_on_stdout_remarks_on_stderr() -> None:
         assert word in outcome.out
     assert "wrote nothing" in outcome.err
     assert not list(Path.cwd().iterdir())
+
+
+def test_a_field_is_one_row_of_the_summary() -> None:
+    """Boiling water at one end (373.15 K), air at the other (293.15 K): all cells lie between them."""
+    outcome = run("simulate", "HeatedBar", "--stop-time", "600", "-o", "h.csv")
+    assert outcome.code == 0, outcome.err
+    (row,) = [line for line in outcome.out.splitlines() if "bar.T" in line]
+    name, least, most = re.fullmatch(r" *(.*?)  +([0-9.]+) \.\.\. ([0-9.]+) K", row).groups()  # type: ignore[union-attr]
+    assert name == "bar.T, 50 elements"
+    assert 293.14 < float(least) < float(most) < 373.15
 
 
 def test_quiet_says_nothing() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 
 _COMPILATION = ("flatten", "reduce", "analyse", "solve", "lower")
 _MOST_STATES = 20
+_MOST_ELEMENTS = 6  # of a vector that has a row for each: a velocity and a wrench do, a field does not
 _STAGES = ("import", "compile", "initialize", "integrate", "observe", "save", "plot")
 
 
@@ -153,9 +156,10 @@ class Session:
         final = self.final(result)
         if final:
             say("final values of the states")
-            table([(name, quantity(value, unit)) for name, value, unit in final[:_MOST_STATES]], indent="  ")
-            if len(final) > _MOST_STATES:
-                say(f"  and {len(final) - _MOST_STATES} more")
+            rows = _rows(final)
+            table(rows[:_MOST_STATES], indent="  ")
+            if len(rows) > _MOST_STATES:
+                say(f"  and {len(rows) - _MOST_STATES} more")
         for note in stats.get("notes", ()):  # type: ignore[attr-defined]
             remark(f"note: {note}")
         for path, what in self.written:
@@ -188,3 +192,16 @@ def _undefined(result: Result) -> list[str]:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float)
+
+
+def _rows(final: list[tuple[str, float, str]]) -> list[tuple[str, str]]:
+    """A row of each state, or of each vector of many elements: its least and its largest one."""
+    rows: list[tuple[str, str]] = []
+    for name, group in groupby(final, key=lambda state: re.sub(r"\[[^][]*\]$", "", state[0])):
+        states = list(group)
+        if len(states) <= _MOST_ELEMENTS:
+            rows += [(path, quantity(value, unit)) for path, value, unit in states]
+        else:
+            values, unit = [value for _, value, _ in states], states[0][2]
+            rows.append((f"{name}, {len(states)} elements", f"{min(values):.6g} ... {quantity(max(values), unit)}"))
+    return rows
