@@ -9,9 +9,8 @@ from acausal.errors import DeclarationError
 from acausal.flatten.flat import FlatAssert, FlatAssignment, FlatEquation, FlatStart, FlatWhen, suffix, suffixes
 from acausal.flatten.instances.instances import Instance
 from acausal.flatten.instances.statements import Statement
-from acausal.flatten.instances.templates import sides
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalars.scalarise import Resolve, Scalars, scalars
+from acausal.flatten.scalars.scalarise import Resolve, Scalars, scalars, sides
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation, assigned

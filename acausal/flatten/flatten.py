@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from math import prod
 
 from acausal.errors import DeclarationError
 from acausal.flatten.connections.connections import (
@@ -22,7 +23,6 @@ from acausal.flatten.connections.signals import (
     ElementJoint,
     Entry,
     Signal,
-    cut_elements,
     cut_equations,
     cut_joints,
     element_equations,
@@ -44,11 +44,26 @@ from acausal.flatten.flat import (
 )
 from acausal.flatten.instances.instances import Instance, numbers, placed
 from acausal.flatten.instances.statements import Statement, refuse_unstated, run, statements
-from acausal.flatten.instances.templates import Template, make_template, replay, sides, template_key
-from acausal.flatten.parameters import ParameterTable, check_bound, check_overrides, check_values, foreign, refuse_time
+from acausal.flatten.parameters import (
+    ParameterTable,
+    check_bound,
+    check_overrides,
+    check_values,
+    foreign,
+    refuse_time,
+    unheard_parameters,
+)
 from acausal.flatten.pool import IMPULSE, Pool
-from acausal.flatten.scalars.scalarise import Scalars, allocate, scalars
-from acausal.flatten.unheard import unheard_parameters
+from acausal.flatten.scalars.scalarise import (
+    Scalars,
+    Template,
+    allocate,
+    make_template,
+    replay,
+    scalars,
+    sides,
+    template_key,
+)
 from acausal.language.choices import Choice
 from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection
@@ -88,7 +103,7 @@ def flatten(
     physical, signals = joints(connected, number_of)
     check_signals(found, signals)
     cut = freed_signals(model, found)
-    elements = cut_elements(element_joints(found, connected, signals, number_of), cut)
+    elements = [j for j in element_joints(found, connected, signals, number_of) if j.sink[:2] not in cut]
     signals = cut_joints(signals, cut)
     tree = spanning_tree(found, physical, number_of)
     variables = allocate(pool, found, physical, signals, tree.cut)
@@ -136,11 +151,8 @@ def flatten(
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated([i.component for i in found])
-    return flat if choices or not overrides else _with_unheard(flat, overrides)
-
-
-def _with_unheard(flat: FlatSystem, overrides: Mapping[str, object]) -> FlatSystem:
-    """With a note on parameters that nothing hears; one structure of many does not know what another hears."""
+    if choices or not overrides:  # one structure of many does not know what another hears
+        return flat
     return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
 
 
@@ -240,10 +252,7 @@ class _Builder:
         first = instance.first.get(symbol.name)
         if first is None:
             return self.table.nodes(instance, symbol.name)
-        size = 1
-        for n in symbol.shape:
-            size *= n
-        return self.pool.vars(range(first, first + size))
+        return self.pool.vars(range(first, first + prod(symbol.shape)))
 
     def all(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
         """Equations of a component without a template; collects its clauses, discrete equations and assertions."""
@@ -299,7 +308,7 @@ class _Builder:
             if template is None:
                 equations += self.all(leaf, leaves.of(leaf))
             else:
-                stated, demanded = replay(template, leaf, self.pool, self.table)
+                stated, demanded = replay(template, leaf, self.pool, self.table.nodes)
                 equations += stated
                 self.asserts += demanded
         return equations
@@ -353,7 +362,7 @@ class _Builder:
                     continue
                 if (instance.number, name) in self.open:
                     continue
-                own = {k for k in range(_count(declaration.shape)) if (instance.number, name, k) in elements}
+                own = {k for k in range(prod(declaration.shape)) if (instance.number, name, k) in elements}
                 is_driven = (instance.number, name) in connected or bool(own)
                 is_given = name in instance.component.__dict__["_given"]
                 if is_driven and declaration.kind is Kind.INPUT and not is_given and not own:
@@ -392,13 +401,10 @@ class _Builder:
             component = owner.path if owner else ""
             origin: Origin | None = flow_set.origin or (owner.origin if owner else None)
             for name, _, shape in names:
-                size = 1
-                for n in shape:
-                    size *= n
                 text = f"the {name} of {', '.join(shown)}{more} " + (
                     "sum to zero" if len(flow_set.members) > 1 else "is zero: not connected"
                 )
-                for k in range(size):
+                for k in range(prod(shape)):
                     total = pool.zero
                     for member, sign in flow_set.members:
                         node = pool.var(self.found[member].first[name] + k)
@@ -447,10 +453,3 @@ class _Builder:
                     elif other is None or start.is_fixed:
                         starts[scalar] = start
         return starts, surplus
-
-
-def _count(shape: tuple[int, ...]) -> int:
-    size = 1
-    for n in shape:
-        size *= n
-    return size

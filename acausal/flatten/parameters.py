@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -382,3 +382,18 @@ def check_bound(instance: Instance, name: str, value: Expr) -> None:
     if isinstance(value, Symbol) and value.declaration.unit == field.declaration.unit:
         return
     check_dimensions(Equation(field, value), (instance.origin_of_value(name).span(),))
+
+
+def unheard_parameters(flat: FlatSystem, names: Iterable[str]) -> tuple[str, ...]:
+    """Notes on those of the free parameters `names`, or entries of them, that no equation, start or event depends on.
+
+    A value given to them changes nothing. The strength of a gravity whose vector has a value of its own, the time
+    constant of a part of a controller that is left out: no error, as studies set one parameter of many variants, but
+    runs that are equal would pass for a result.
+    """
+    asked = {part for name in names for part in (name, name.rpartition("[")[0])}
+    return tuple(
+        f"{p.path} is set, and nothing in the model depends on it"
+        for p in flat.parameters
+        if p.path in asked and p.free and flat.heard.isdisjoint(p.nodes)
+    )

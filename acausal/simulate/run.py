@@ -10,7 +10,7 @@ from typing import Any
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
 from acausal.flatten.instances.instances import changing
-from acausal.flatten.unheard import unheard_parameters
+from acausal.flatten.parameters import unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.cache.cache import choices_hold_for

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from math import prod
 
 from acausal.flatten.connections.connections import FlowSet
 from acausal.flatten.flat import FlatEquation
@@ -45,10 +46,7 @@ def idle_components(
 def _flows(connector: Instance) -> Iterator[int]:
     for name, d in connector.component._declarations.items():
         if d.kind is Kind.FLOW:
-            size = 1
-            for n in d.shape:
-                size *= n
-            yield from range(connector.first[name], connector.first[name] + size)
+            yield from range(connector.first[name], connector.first[name] + prod(d.shape))
 
 
 def _zeros(pool: Pool, equations: Sequence[FlatEquation], zeros: set[int]) -> set[int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from math import prod
 
 from acausal.errors import DeclarationError, UsageError, meant
 from acausal.flatten.connections.connections import SignalJoint, number_of_end
@@ -190,11 +191,6 @@ def cut_joints(signals: Sequence[SignalJoint], cut: Collection[Signal]) -> list[
     return remaining
 
 
-def cut_elements(joints: Sequence[ElementJoint], cut: Collection[Signal]) -> list[ElementJoint]:
-    """Connections of elements without those that drive a cut signal."""
-    return [j for j in joints if j.sink[:2] not in cut]
-
-
 def cut_equations(
     pool: Pool, found: Sequence[Instance], equations: Sequence[FlatEquation], cut: Collection[Signal]
 ) -> list[FlatEquation]:
@@ -206,7 +202,7 @@ def cut_equations(
         owner = found[number].owner
         if owner is not None:
             first = found[number].first[name]
-            count = max(1, _size(found[number].component._declarations[name]))
+            count = max(1, prod(found[number].component._declarations[name].shape))
             owner_of_driven |= {pool.var(first + k): owner.path for k in range(count)}
     return [
         e
@@ -217,13 +213,6 @@ def cut_equations(
     ]
 
 
-def _size(declaration: Declaration) -> int:
-    size = 1
-    for n in declaration.shape:
-        size *= n
-    return size
-
-
 def input_scalars(found: Sequence[Instance], signals: Collection[Signal]) -> tuple[int, ...]:
     """The scalars of these signals, in the order of declaration."""
     return tuple(
@@ -231,5 +220,5 @@ def input_scalars(found: Sequence[Instance], signals: Collection[Signal]) -> tup
         for instance in found
         for name, d in instance.component._declarations.items()
         if (instance.number, name) in signals
-        for k in range(_size(d))
+        for k in range(prod(d.shape))
     )
