@@ -572,19 +572,27 @@ def _check_name(cls: type[Component], name: str, value: Declaration | Component 
         )
     for base in cls.__mro__[1:]:
         if issubclass(base, Component) and (name in base._declarations or name in base._outers):
-            if _replaces(base, name, value):
+            clash = _clash(base, name, value)
+            if clash is None:
                 continue
             raise DeclarationError(
                 "AC126",
                 f"{cls.__name__}.{name} is declared again: {base.__name__} has it already",
                 where=field_span(cls, name),
-                help=f"choose another name; a value is given where a part is made: {cls.__name__}({name}=...)",
+                cause=clash[0],
+                help=clash[1]
+                or f"choose another name; a value is given where a part is made: {cls.__name__}({name}=...)",
             )
 
 
-def _replaces(base: type[Component], name: str, value: object) -> bool:
-    """Whether a class body replaces an inherited part by one of the class that the base declares."""
+def _clash(base: type[Component], name: str, value: object) -> tuple[str, str] | None:
+    """Why a field cannot be declared again, and what to do; None for a part that replaces one of the declared class."""
     inherited = base._prototypes.get(name)
     if inherited is None or isinstance(inherited, Connector) or not isinstance(value, Component):
-        return False
-    return isinstance(value, declared_class(base, name) or type(inherited))
+        return "", ""
+    wanted, given = declared_class(base, name) or type(inherited), type(value)
+    if issubclass(given, wanted):
+        return None
+    common = next(c for c in given.__mro__ if isinstance(inherited, c)).__name__
+    remedy = f"declare it in {base.__name__} as what both are: {name}: {common} = ..." if common != "Component" else ""
+    return f"{base.__name__}.{name} is declared as {wanted.__name__}, {given.__name__} is none", remedy

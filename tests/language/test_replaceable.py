@@ -67,6 +67,21 @@ def test_another_kind_of_part_is_refused() -> None:
             holder: Fixed = Fixed()  # type: ignore[assignment]
 
     assert caught.value.code == "AC126"
+    assert "Suspended.holder is declared as PartialTwoFlanges, Fixed is none" in str(caught.value)
+
+
+def test_a_part_of_another_class_names_the_class_that_both_have() -> None:
+    class Rigid(Component):
+        load: Spring = Spring(c=1.0)
+
+    with pytest.raises(
+        DeclarationError, match="declare it in Rigid as what both are: load: PartialTwoFlanges"
+    ) as caught:
+
+        class Soft(Rigid):
+            load: SpringDamper = SpringDamper(c=1.0, d=1.0)  # type: ignore[assignment]
+
+    assert caught.value.code == "AC126"
 
 
 class Material(Record):
