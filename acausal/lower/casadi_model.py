@@ -73,14 +73,14 @@ class Ports(tuple[Port, ...]):
         """Upper limits in order."""
         return [port.max for port in self]
 
-    def position(self, name: str) -> int:
+    def position(self, name: str, place: str = "this vector") -> int:
         """Index of an entry; UsageError AC010 with the nearest names when there is none."""
         for k, port in enumerate(self):
             if port.name == name:
                 return k
         raise UsageError(
             "AC010",
-            f"'{name}' is not in this vector",
+            f"'{name}' is not in {place}",
             evidence=meant(name, self.names),
             help=f"it holds: {', '.join(self.names) or 'nothing'}",
         )

@@ -53,10 +53,10 @@ def dynamics_of(
     q = problem.quantities
     compiled, dae = q.compiled, q.dae()
     switches = [problem.guards[s.switch].relation if s.switch is not None else None for s in problem.specs]
+    _refuse_clocks(compiled)
     if all(k is None for k in switches):
         check(compiled, SMOOTH, q.outputs)
     refuse_delays(compiled.flat, "optimal control", PADE)
-    _refuse_clocks(compiled)
     begins = q.begin.t + np.cumsum([0.0, *(guess.duration for guess in guesses)])
     inside = [_arguments(guess, _INSIDE, begin, q.p) for guess, begin in zip(guesses, begins[:-1], strict=True)]
     dynamics = []

@@ -15,6 +15,7 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Constraint, Guard, Mesh, PhaseSpec, Value
+from acausal.optimal_control.program.points import key
 from acausal.optimal_control.quantities import Quantities
 from acausal.result.result import Result
 
@@ -34,7 +35,7 @@ class StatedProblem:
     ) -> None:
         self.compiled = model if isinstance(model, CompiledModel) else compile(model)
         self.quantities = Quantities(self.compiled, dict(parameters or {}))
-        self.free_start = tuple(self.quantities.state(name) for name in free_start)
+        self.free_start = tuple(k for name in free_start for k in self.quantities.of_states(name))
         self.specs: list[PhaseSpec] = []
         self.guards: list[Guard] = []
         self.durations: list[Any] = []
@@ -119,7 +120,7 @@ class StatedProblem:
         switch = None
         if until is not None:
             switch = len(self.guards)
-            self.guards.append(self.quantities.guard(until))
+            self.guards.append(self.quantities.guard(until if isinstance(until, str) else self._expression(until)))
         label = name or f"phase {number + 1}"
         if any(spec.name == label for spec in self.specs):
             raise UsageError(
@@ -149,7 +150,8 @@ class StatedProblem:
         Raises
         ------
         UsageError
-            AC010 for an unknown parameter, AC051 for a limit that is no number.
+            AC010 for an unknown parameter, AC051 for limits that are no numbers or leave no value, AC053 for one that
+            has been used as a number, or decided, before.
         """
         for limit in (min, max):
             _check_limit(limit, name)
@@ -162,7 +164,7 @@ class StatedProblem:
         """
         if isinstance(objective, str) or objective is None:
             objective = self._expression(objective or "")
-        self.objective = ca.MX(objective)
+        self.objective = self._expression(objective)
         if self.objective.numel() != 1 or self.quantities.varies(self.objective):
             raise UsageError(
                 "AC053",
@@ -233,7 +235,7 @@ class StatedProblem:
                 )
         self.guess_run = run
         self.guess_inputs = dict(inputs or {})
-        self.guess_lines = {self.quantities.state(name): ends for name, ends in (lines or {}).items()}
+        self.guess_lines = {k: ends for name, ends in (lines or {}).items() for k in self.quantities.of_states(name)}
 
     def opened(self) -> Self:
         """A copy in which the unknowns of blocks with a monotone search are algebraic variables of the program."""
@@ -249,7 +251,20 @@ class StatedProblem:
         return True
 
     def _expression(self, what: str | Any) -> Any:
-        return self[what] if isinstance(what, str) else ca.MX(what)
+        if isinstance(what, str):
+            return self[what]
+        found, q = ca.MX(what), self.quantities
+        own = [q.time, *q.symbols, *(symbol for *_, symbol in q.decided), *self.durations]
+        known = {key(symbol) for symbol in (*own, *(value.symbol for value in self.values))}
+        foreign = [symbol.name() for symbol in ca.symvar(found) if key(symbol) not in known]
+        if foreign:
+            raise UsageError(
+                "AC053",
+                f"{foreign[0]} in {found} is no symbol of this problem",
+                where=calling_span(),
+                help="take it from this problem: problem[name], problem.time, problem.end(...), problem.decide(...)",
+            )
+        return found
 
     def _value(self, phase: int, kind: str, what: str | Any) -> Any:
         """Symbol of a value at the start or end of a phase, or of an integral over it."""
@@ -282,7 +297,8 @@ class StatedProblem:
             if limits or equals is not None:
                 raise _lost_limits(what, "the relation")
             expression, lower, upper = _relation(expression, op)
-        if lower > upper or (lower == -math.inf and upper == math.inf):
+            _check_limit(lower, what)
+        if lower > upper or lower == math.inf or upper == -math.inf or (lower, upper) == (-math.inf, math.inf):
             raise UsageError(
                 "AC051",
                 f"the constraint on {label or expression} bounds nothing: {lower:g} ... {upper:g}",

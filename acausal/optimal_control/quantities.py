@@ -80,7 +80,8 @@ class Quantities:
         if name not in self._known:
             places = {port.name: k for k, port in enumerate(self.parameters)}
             if name in places:
-                return ca.MX(self.p[places[name]])
+                self._known[name] = ca.MX(self.p[places[name]])
+                return self._known[name]
             found = named_outputs(self.compiled, [name])
             column = [self._scalar(output) for output in found]
             self._known[name] = column[0] if len(column) == 1 else ca.vertcat(*column)
@@ -110,9 +111,24 @@ class Quantities:
 
     def decide(self, name: str, lower: float | None, upper: float | None) -> Any:
         """Make a parameter a decision, and return its symbol."""
-        place = self.parameters.position(name)
+        place = self.parameters.position(name, f"the parameters of {self.compiled.name}")
         port = self.parameters[place]
-        low, high = port.min if lower is None else lower, port.max if upper is None else upper
+        if name in self._known:
+            raise UsageError(
+                "AC053",
+                f"{name} is a number, or a decision with other limits, in what was stated before",
+                where=calling_span(),
+                help="decide each parameter once, before it is used",
+            )
+        low = port.min if lower is None else max(lower, port.min)
+        high = port.max if upper is None else min(upper, port.max)
+        if not low <= high:
+            raise UsageError(
+                "AC051",
+                f"no value of {name} lies within its limits: {low:g} ... {high:g}",
+                where=calling_span(),
+                help=f"it is declared from {port.min:g} to {port.max:g}",
+            )
         if place in self.coordinates.bound:
             raise UsageError(
                 "AC053",
@@ -146,8 +162,23 @@ class Quantities:
                     return vector, variables.index(rest[0]), sign
         return None
 
-    def state(self, name: str) -> int:
-        """Index of a state among the coordinates; AC010 for other variables and for states replaced by an angle."""
+    def of_states(self, name: str) -> list[int]:
+        """Indices of a state, or of all of a vector, among the coordinates; AC010 for other variables and for states
+        replaced by an angle, AC053 for integers.
+        """
+        if name in self.x.names and name not in self.states.names:  # an angle
+            return [self.x.position(name)]
+        outputs = named_outputs(self.compiled, [name])
+        if any(o.declaration.integer or o.declaration.boolean for o in outputs):
+            raise UsageError(
+                "AC053",
+                f"{name} has no values between two of its values, so its start is no decision",
+                where=calling_span(),
+                help="solve one problem for each of its values",
+            )
+        return [self._state(output.name) for output in outputs]
+
+    def _state(self, name: str) -> int:
         if name in self.x.names:
             return self.x.position(name)
         found = self.place(name)

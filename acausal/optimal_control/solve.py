@@ -286,7 +286,7 @@ def _largest_unknowns(program: Program, solution: Solution) -> list[str]:
     for phase in program.phases:
         x, u, duration = solution.values(phase.x, phase.u, phase.duration)
         for ports, values in zip(program.ports, (x, u), strict=True):
-            rows = values.reshape(len(ports), -1)
+            rows = values.reshape(len(ports), -1) if len(ports) else values
             found += [(float(np.abs(v).max()) / p.nominal, p.name) for p, v in zip(ports, rows, strict=True)]
         found.append((duration.item(), f"duration of {phase.spec.name}"))
     return list(dict.fromkeys(name for _, name in sorted(found, key=lambda item: -item[0])))[:3]

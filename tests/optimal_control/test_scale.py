@@ -47,6 +47,16 @@ def test_least_time_does_not_depend_on_the_unit_of_the_objective(force: float, s
     assert best.multipliers["s at the end == 1"].value == pytest.approx(scale * least / 2.0, rel=1e-5)
 
 
+def test_least_effort_over_long_ways_and_times() -> None:
+    """From rest to rest with the least integral of u**2: 12 m**2 d**2/T**3 by variations; the guess rests."""
+    problem = Problem(Slider())
+    problem.phase(duration=1e6, intervals=4)
+    problem.subject_to(problem.end("s") == 1e9)
+    problem.subject_to(problem.end("v") == 0.0)
+    problem.minimize(problem.integral(problem["u"] ** 2))
+    assert problem.solve().objective == pytest.approx(48.0, rel=1e-6)
+
+
 def test_a_small_input_is_replayed() -> None:
     force = 8e-12
     best = least_time(force, 1.0).solve()

@@ -5,6 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    concatenate,
+    der,
+    fixed,
+    integer,
+    pre,
+    reset,
+    signal_input,
+    variable,
+    when,
+)
 from acausal.errors import AcausalError, OptimizationError
 from acausal.optimal_control import Optimum, Problem
 from tests.export.scenes import DrivenSlider, Slider
@@ -202,6 +216,7 @@ def test_demands_that_say_nothing_are_refused() -> None:
     problem.phase("brake", duration=1.0).subject_to("u", max=1.0, name="force")
     problem.subject_to(problem.duration <= 3.0)
     problem.minimize(problem.end("mass.s"))
+    other = Problem(Slider())
     for ask, code in (
         (lambda: problem.subject_to("u"), "AC051"),
         (lambda: problem.subject_to("u", max=2.0, name="force"), "AC051"),
@@ -216,11 +231,55 @@ def test_demands_that_say_nothing_are_refused() -> None:
         (lambda: problem.minimize(problem["mass.s"]), "AC053"),
         (lambda: problem.minimize("mass.s"), "AC053"),
         (lambda: problem.solve(accuracy=-1.0), "AC053"),
+        (lambda: problem.subject_to(problem.end("mass.s") == float("nan")), "AC051"),
+        (lambda: problem.subject_to(problem.end("mass.s") == float("inf")), "AC051"),
+        (lambda: problem.subject_to(other.end("mass.s") == 1.0), "AC053"),
+        (lambda: problem.minimize(other.duration), "AC053"),
+        (lambda: problem.decide("m", min=2.0, max=1.0), "AC051"),
+        (lambda: (problem["m"], problem.decide("m", min=1.0)), "AC053"),  # before this call m was a number
+        (lambda: (other.decide("m", min=1.0), other.decide("m", min=2.0)), "AC053"),
         (lambda: problem.solve(), "AC051"),
     ):
         with pytest.raises(AcausalError) as refused:
             ask()
         assert refused.value.code == code
+
+
+class Pair(Component):
+    """Two pushed coordinates, and a count."""
+
+    a: Real = signal_input(min=-1.0, max=1.0)
+    x: Real = variable(shape=2, default=fixed(0.0), unit="s")
+    n: Real = integer(default=fixed(0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == concatenate(self.a, -self.a)
+        yield when(self.x[0] > 0.2, reset(self.n, pre(self.n) + 1))
+
+
+def test_the_start_of_a_vector_is_a_decision_and_that_of_a_count_is_not() -> None:
+    """x goes 1 s at full rate to 0.2, where an event counts: it begins at -0.8, its image at 0.8."""
+    problem = Problem(Pair(), free_start=["x"])
+    problem.phase(until="x[0] > 0.2")
+    problem.phase(duration=0.1).subject_to("a", min=0.5)
+    problem.guess(inputs={"a": 1.0}, lines={"x": (0.0, 0.0)})
+    problem.subject_to(problem.start("x[0]") == -0.8)
+    problem.subject_to(problem.start("x[1]") == 0.8)
+    problem.minimize(problem.duration)
+    best = problem.solve()
+    assert best.objective == pytest.approx(1.1, rel=1e-6)
+    assert set(best.start) == {"x[0]", "x[1]"}
+    assert best.replay().final("n") == 1.0
+    with pytest.raises(AcausalError, match="n has no values between") as refused:
+        Problem(Pair(), free_start=["n"])
+    assert refused.value.code == "AC053"
+
+
+def test_options_that_a_solver_does_not_have_are_refused() -> None:
+    problem = demand_too_much()
+    with pytest.raises(AcausalError, match="no_such") as refused:
+        problem.solve(options={"no_such": 1})
+    assert refused.value.code == "AC053"
 
 
 def test_phases_are_declared_before_anything_is_said_of_all() -> None:

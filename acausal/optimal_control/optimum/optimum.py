@@ -209,7 +209,9 @@ def optimum_of(
     rate = "stabilisation.rate"
     own = {n: float(v) for n, v, d in zip(names, trajectory.p, declared, strict=True) if v != d and n != rate}
     begin = q.first if not q.decided else np.array(q.start(ca.DM(trajectory.p))).ravel()
-    first = trajectory.phases[0].x[:, 0]
+    free = list(problem.free_start)
+    first = np.array(begin)
+    first[free] = trajectory.phases[0].x[free, 0]  # the others are those of the model but for rounding
     both = (q.coordinates.states(v[:, None]).ravel() for v in (first, begin))
     start = {n: float(a) for n, a, b in zip(q.states.names, *both, strict=True) if a != b}
     x = q.coordinates.states(x)
@@ -223,7 +225,7 @@ def optimum_of(
         objective=solution.objective,
         multipliers=multipliers,
         inputs=_inputs(q.u, trajectory, input_sizes),
-        start=start if problem.free_start else {},
+        start=start,
         parameters=own,
         phases=spans,
         compiled=compiled,

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.errors import UsageError
 from acausal.optimal_control.program.derivatives import derivatives
 from acausal.optimal_control.program.points import Points, insert_functions
 
@@ -146,7 +147,7 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
     if solver != "ipopt":
         # the stage structure of fatrop does not admit free durations and decided parameters, so none is detected
         program = nlp.casadi_program(ca.MX.sym("weight"))
-        function = ca.nlpsol("program", solver, program, {**common, "structure_detection": "none"})
+        function = _solver(solver, program, {**common, "structure_detection": "none"})
         low, high = nlp.limits
         found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high, p=nlp.weight)
         found |= {"f": found["f"] / nlp.weight}
@@ -160,7 +161,7 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
     more: dict[str, Any] = {"grad_f": own.gradient, "jac_g": own.jacobian, "hess_lag": own.hessian, "no_nlp_grad": True}
     more |= {"calc_lam_p": False}
     program = {"x": nlp.x, "f": f, "g": rows}
-    function = ca.nlpsol("program", "ipopt", program, {**common, **more})
+    function = _solver("ipopt", program, {**common, **more})
     found = function(x0=np.concatenate(nlp.begin), lbx=bounds.low, ubx=bounds.high, lbg=low[kept], ubg=high[kept])
     x, inner_duals = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
     values, duals = np.empty(g.numel()), np.zeros(g.numel())
@@ -174,6 +175,19 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
         across[fixed] = -slope[fixed]
     duals[bounds.rows] = bounds.duals(across)
     return _solution(nlp, function, found, values, duals)
+
+
+def _solver(name: str, program: Mapping[str, Any], options: Mapping[str, Any]) -> Any:
+    """A solver of CasADi; AC053 for options that it does not have."""
+    try:
+        return ca.nlpsol("program", name, dict(program), dict(options))
+    except RuntimeError as error:
+        raise UsageError(
+            "AC053",
+            f"{name} does not take these options: {options[name]}",
+            evidence=str(error).strip().splitlines()[-1:],
+            help='options={"max_iter": 1000}, by the names and types of its manual',
+        ) from error
 
 
 def _solution(nlp: Nlp, function: Any, found: Any, values: Vector, duals: Vector) -> Solution:

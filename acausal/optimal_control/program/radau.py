@@ -1,6 +1,7 @@
 """Transcription of a problem into a nonlinear program: Radau collocation, or multiple shooting, in all phases.
 
-Unknowns are scaled by declared nominal values, limits of inputs, or the largest values in the guess.
+Unknowns are scaled by declared nominal values, limits of inputs, the largest values in the guess, or, of states that
+rest at zero there, the values demanded at starts and ends.
 """
 
 from __future__ import annotations
@@ -162,6 +163,20 @@ def _decisions(nlp: Nlp, q: Quantities, expected: Vector) -> Any:
     return ca.vertcat(*found) if found else ca.MX(0, 1)
 
 
+def _demanded(problem: StatedProblem) -> Vector:
+    """Largest values that states have to take at the starts and ends of phases, shape (nx,); 0 where none is stated."""
+    q, found = problem.quantities, np.zeros(len(problem.quantities.x))
+    names = {key(symbol): output.name for symbol, output in zip(q.symbols, q.outputs, strict=True)}
+    at_ends = {key(v.symbol): v.expression for v in problem.values if v.kind != "integral"}
+    for constraint in problem.constraints:
+        variable = names.get(key(at_ends.get(key(constraint.expression), q.time)))
+        place = q.place(variable) if variable is not None else None
+        if place is not None and place[0] == "x":
+            limits = [abs(v) for v in (constraint.lower, constraint.upper) if np.isfinite(v)]
+            found[place[1]] = max(found[place[1]], *limits)
+    return found
+
+
 def _sizes(problem: StatedProblem, guesses: Sequence[PhaseGuess]) -> tuple[Vector, Vector, Vector]:
     """Magnitudes of x, z and u, shapes (nx,), (nz,), (nu,)."""
     q = problem.quantities
@@ -169,6 +184,8 @@ def _sizes(problem: StatedProblem, guesses: Sequence[PhaseGuess]) -> tuple[Vecto
     found = []
     for k, ports in enumerate((q.x, q.z, q.u)):
         largest = np.max([np.abs(s[k]).max(axis=1, initial=0.0) for s in seen], axis=0)
+        if ports is q.x:
+            largest = np.where(largest == 0.0, _demanded(problem), largest)
         found.append(magnitude(np.array(ports.nominal), largest))
     for constraint in (*_limits(problem), *problem.constraints):
         place = q.place(constraint.variable) if constraint.variable is not None else None
