@@ -230,6 +230,11 @@ class InternalError(AcausalError):
     """A defect of acausal itself."""
 
 
+def counted(count: int, noun: str) -> str:
+    """`1 equation`, `2 equations`."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
 def nearest(name: str, names: Sequence[str], count: int = 3) -> list[str]:
     """The `count` names closest to `name`, best first; matches of the last path part come first."""
     import difflib

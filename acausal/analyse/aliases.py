@@ -176,7 +176,9 @@ class _Aliases:
             if k in residual:
                 self.users.add(k, self.pool.entries(residual[k]))
         if not found:
-            found = [k for k in self.linkable() if self._link(k, nodes[residual[k]], touched)]
+            with_derivatives = self.users.of(self.pool.integral_of, self.pool.n_variables)
+            candidates = sorted(residual.keys() & with_derivatives)
+            found = [k for k in candidates if self._link(k, nodes[residual[k]], touched)]
             for k in found:
                 del residual[k]
         self.dirty = []
@@ -200,11 +202,6 @@ class _Aliases:
         for k, image in zip(self.dirty, images, strict=True):
             # A variable that cancels would mislead the structural analysis.
             residual[k] = pool.collected(image)
-
-    def linkable(self) -> list[int]:
-        """Equations that contain a derivative, the candidates for links when no alias is left."""
-        found = self.users.of(self.pool.integral_of, self.pool.n_variables)
-        return sorted({k for k in found if k in self.residual})
 
     def _alias(self, k: int, node: tuple[Any, ...], touched: set[int]) -> bool:
         """Use a residual as alias or constant; False when it must stay an equation."""

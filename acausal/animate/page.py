@@ -46,7 +46,7 @@ def to_page(scene: Scene, glb: bytes, result: Result, panels: Sequence[Panel]) -
         "digits": max(0, 3 - math.floor(math.log10(stop - start))) if stop > start else 3,
         "centre": ((lowest + highest) / 2).tolist(),
         "reach": max(float(np.linalg.norm(highest - lowest)) / 2, 1e-6),
-        "names": {_sanitized(n.name): n.name for n in scene.nodes},
+        "names": {n.name.replace(" ", "_").translate(_TO_THREE): n.name for n in scene.nodes},
         "panels": [p for panel in panels if (p := _panel(result, panel)) is not None],
         "glb": base64.b64encode(glb).decode("ascii"),
         "notes": list(scene.notes),
@@ -55,10 +55,6 @@ def to_page(scene: Scene, glb: bytes, result: Result, panels: Sequence[Panel]) -
     body = _BODY + f"\n<script>{_controls(stop - start)}</script>"
     scripts = ("three.bundle.min.js", "uPlot.iife.min.js", "curves.js", "viewer.js")
     return page(scene.model, body, data, scripts, ("uPlot.min.css", "viewer.css"))
-
-
-def _sanitized(name: str) -> str:
-    return name.replace(" ", "_").translate(_TO_THREE)
 
 
 def _controls(duration: float) -> str:

@@ -63,22 +63,13 @@ class _Verbs(TyperGroup):
                 raise
             raise _ended(error, ctx) from error
         except Exception as error:
-            if _is_usage_error(error):
+            # of the option parser, whatever package typer takes it from
+            if hasattr(error, "exit_code") and hasattr(error, "format_message"):
                 if ctx.meta.get("json"):
-                    record_error(_of_parser(error))
+                    path = getattr(getattr(error, "ctx", None), "command_path", "acausal")
+                    record_error(UsageError("AC019", error.format_message().rstrip("."), help=f"{path} --help"))
                 raise
             raise _ended(error, ctx) from error
-
-
-def _is_usage_error(error: Exception) -> bool:
-    """True for errors of the option parser, whatever package typer takes it from."""
-    return hasattr(error, "exit_code") and hasattr(error, "format_message")
-
-
-def _of_parser(error: Any) -> UsageError:
-    """What the option parser says, as the messages of acausal are."""
-    path = getattr(getattr(error, "ctx", None), "command_path", "acausal")
-    return UsageError("AC019", error.format_message().rstrip("."), help=f"{path} --help")
 
 
 def _ended(error: Exception, ctx: Any) -> typer.Exit:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from acausal.diagnose.causes import probable
 from acausal.diagnose.components import unbalanced_component
 from acausal.diagnose.constraints import overconstrained_loop
-from acausal.diagnose.words import component_of, counted, hint, label, lines, listed, made_at, names_of, places
-from acausal.errors import StructureError
+from acausal.diagnose.words import component_of, hint, label, lines, listed, made_at, names_of, places
+from acausal.errors import StructureError, counted
 from acausal.flatten.flat import FlatEquation, span_of
 from acausal.flatten.reduced import ReducedSystem
 from acausal.structure import Incidence, dulmage_mendelsohn, match, minimal_over, minimal_under

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from acausal.diagnose.words import (
     component_of,
     connector_of,
-    counted,
     hint,
     label,
     lines,
@@ -22,7 +21,7 @@ from acausal.diagnose.words import (
     stated_at,
     subject,
 )
-from acausal.errors import StructureError
+from acausal.errors import StructureError, counted
 from acausal.flatten.flat import FlatEquation, FlatSystem, FlatVariable
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Kind

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from acausal.diagnose.causes import probable
 from acausal.diagnose.cut_forces import is_cut_force, loop_error
-from acausal.diagnose.words import component_of, connector_of, counted, label, lines, listed, made_at, names_of
-from acausal.errors import StructureError
+from acausal.diagnose.words import component_of, connector_of, label, lines, listed, made_at, names_of
+from acausal.errors import StructureError, counted
 from acausal.flatten.flat import FlatEquation, span_of
 from acausal.flatten.reduced import ReducedSystem
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from acausal.errors import Span
+from acausal.errors import Span, counted
 from acausal.flatten.flat import FlatAssignment, FlatEquation, FlatSystem, FlatWhen, suffix
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
@@ -21,11 +21,6 @@ def listed(names: Iterable[str], limit: int = 6) -> str:
     if len(found) > limit:
         return f"{', '.join(found[:limit])} and {len(found) - limit} more"
     return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
-
-
-def counted(count: int, noun: str) -> str:
-    """`1 equation`, `2 equations`."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def short(span: Span) -> str:

@@ -55,7 +55,7 @@ def to_text(pool: Pool, node: int, name_of: NameOf, limit: int = 400) -> str:
 def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, int]]:
     op = node[0]
     if op == "const":
-        return [_bracketed(number(node[1]), node[1] < 0.0 and context >= _NEG)]
+        return _closed([number(node[1])], node[1] < 0.0 and context >= _NEG)
     if op in ("var", "par"):
         return [name_of(str(op), node[1])]
     if op == "time":
@@ -81,10 +81,6 @@ def _pieces(node: Node, context: int, name_of: NameOf) -> list[str | tuple[int, 
 
 def _closed(pieces: list[str | tuple[int, int]], closed: bool) -> list[str | tuple[int, int]]:
     return ["(", *pieces, ")"] if closed else pieces
-
-
-def _bracketed(text: str, closed: bool) -> str:
-    return f"({text})" if closed else text
 
 
 def number(value: float) -> str:

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, dataclass_transform
 
 from acausal.collector import collector_paused
-from acausal.errors import DeclarationError, calling_span
+from acausal.errors import DeclarationError, calling_span, counted
 from acausal.language.declarations.declaration import Declaration, Kind, Owner
 from acausal.language.declarations.declare import Real, checked_shape, checked_value, parameter, structural
 from acausal.language.declarations.experiment import Experiment
@@ -526,18 +526,14 @@ class Connector(Component):
         if count[Kind.VARIABLE] != count[Kind.FLOW] and not exempt:
             raise DeclarationError(
                 "AC124",
-                f"connector {cls.__name__} has {_amount(count[Kind.VARIABLE], 'potential')} "
-                f"and {_amount(count[Kind.FLOW], 'flow')}",
+                f"connector {cls.__name__} has {counted(count[Kind.VARIABLE], 'potential')} "
+                f"and {counted(count[Kind.FLOW], 'flow')}",
                 evidence=[
                     f"{kind.value}: {', '.join(n for n, d in cls._declarations.items() if d.kind is kind) or 'none'}"
                     for kind in count
                 ],
                 help="a connector needs one flow for every potential; use signal_input and signal_output for signals",
             )
-
-
-def _amount(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _type_text(value: Any) -> str:

@@ -82,11 +82,6 @@ def made(item: object) -> None:
             ledger[id(item)] = item, Origin(frame.f_code, frame.f_lasti)
 
 
-def is_recording() -> bool:
-    """Whether a method runs whose statements are recorded; outside of one nobody would hear a statement."""
-    return RECORDING.get() is not None
-
-
 def used(items: Iterable[object]) -> None:
     """Remove items from the ledger that have become part of another statement."""
     ledger = RECORDING.get()

@@ -85,11 +85,7 @@ class Builder:
 
     def know(self, variables: Sequence[int], values: Any) -> None:
         """Let variables be the entries of a column from now on."""
-        self.learn(self.pool.vars(variables), values)
-
-    def learn(self, nodes: Sequence[int], values: Any) -> None:
-        """Let any nodes be the entries of a column from now on."""
-        self._append(nodes, values)
+        self._append(self.pool.vars(variables), values)
 
     def lower(self, roots: Iterable[int]) -> list[Any]:
         """SX scalar of each root. Every variable below it must be known or defined, else KeyError."""

@@ -131,7 +131,8 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         is_reduced_model = outputs is not None or bool(freeze) or bool(quasi_static)
         if is_reduced_model:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
-        wishes = (_tuple(outputs), freeze, quasi_static) if is_reduced_model else None
+        wanted = None if outputs is None else tuple(_names("outputs", outputs))
+        wishes = (wanted, freeze, quasi_static) if is_reduced_model else None
         key = signature(flat, formulation, wishes) if recipe.cache else None
         cached = recall(key, flat) if key is not None else None
         if cached is not None:
@@ -141,7 +142,6 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         solution = solved(flat, formulation, clock=clock)
         selection = None
         if is_reduced_model:
-            wanted = None if outputs is None else _names("outputs", outputs)
             solution, selection = select(solution, wanted, quasi_static, formulation)
             selection = replace(selection, left=(*confined_parts, *selection.left))
             clock.lap("select")
@@ -151,10 +151,6 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
     if key is not None:
         remember(key, compiled)
     return compiled
-
-
-def _tuple(names: Sequence[str] | None) -> tuple[str, ...] | None:
-    return None if names is None else tuple(_names("outputs", names))
 
 
 def _names(option: str, names: Sequence[str]) -> Sequence[str]:

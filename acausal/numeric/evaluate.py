@@ -59,14 +59,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 def operation(op: str) -> Callable[..., Any]:
     """The numpy function of an operation."""
-    if isinstance(op, Delayed):
-        return _delayed_value(op)
+    if isinstance(op, Delayed):  # a stand-in signal of both signs: the delayed value is not known before the run
+        return lambda instant: np.sin(37.0 * np.asarray(instant) + 1.0 + op.number)
     return _External(op) if isinstance(op, Call) else FUNCTIONS[op]
-
-
-def _delayed_value(op: Delayed) -> Callable[[Any], Any]:
-    """A stand-in signal of both signs, because the delayed value is not known before the run."""
-    return lambda instant: np.sin(37.0 * np.asarray(instant) + 1.0 + op.number)
 
 
 class _External:

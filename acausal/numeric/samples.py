@@ -231,15 +231,13 @@ class SamplePoints:
         Angles are sampled all around.
         """
         near = self.variable(variable)
-        declared = self.reduced.flat.declaration(self.reduced.scalar[variable]) if self._is_declared(variable) else None
+        scalar = self.reduced.scalar
+        declared = self.reduced.flat.declaration(scalar[variable]) if variable < len(scalar) else None
         if declared is not None and (declared.boolean or declared.integer):
             return np.concatenate([near, np.resize(near, FAR)])
         size = max(abs(float(near[0])), 1.0 if declared is None else abs(declared.nominal))
         seen = self._visited_values(variable)
         return np.concatenate([near, size * self._far[(variable * 7919) % 997][: FAR - len(seen)], seen])
-
-    def _is_declared(self, variable: int) -> bool:
-        return variable < len(self.reduced.scalar)
 
     def start(self, variable: int) -> float:
         """Declared start of a variable or of one of its aliases, else 0."""

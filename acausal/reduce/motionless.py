@@ -80,7 +80,7 @@ class _Propagation:
         self.first_pass()
         states = [x for x in self.solution.structure.states if x in self.known]
         while True:
-            moving = [x for x in states if self.known_value(self.rate(x)) != self.pool.zero]
+            moving = [x for x in states if self.known.get(self.rate(x)) != self.pool.zero]
             if moving:
                 states = [x for x in states if x not in set(moving)]
                 self.lower_variables(moving)
@@ -97,9 +97,6 @@ class _Propagation:
     def varies(self, relation: int) -> bool:
         """Whether a decided relation is one of things that vary."""
         return any(a not in self.equal for a in self.pool.nodes[relation][1:])
-
-    def known_value(self, variable: int) -> int | None:
-        return self.known.get(variable)
 
     def first_pass(self) -> None:
         """Everything as it is if no state moves, in evaluation order."""
@@ -254,7 +251,8 @@ class _Propagation:
 
     def unproved(self) -> list[int]:
         """Decisions by bounds that the final bounds do not support any more; all bounds are computed anew."""
-        self.refresh_bounds()
+        for number in self.order:
+            self.bounds[number] = self.bound(number)
         found = []
         for number in list(self.bounds):
             op, *args = self.pool.nodes[number]
@@ -267,11 +265,6 @@ class _Propagation:
                 if chosen != self.taken[number]:
                     found.append(number)
         return found
-
-    def refresh_bounds(self) -> None:
-        """Bounds in evaluation order, under what is known now."""
-        for number in self.order:
-            self.bounds[number] = self.bound(number)
 
 
 def _resting(solution: Solution) -> dict[int, int]:

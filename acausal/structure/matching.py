@@ -31,16 +31,15 @@ def match(incidence: Incidence) -> IntArray:
     rows, columns = np.flatnonzero(row_to_column < 0), np.flatnonzero(free_column)
     core = incidence.restrict(rows, columns)
     if core.n_entries:
-        core_columns = _match_small(core) if len(rows) <= _SMALL else _match_large(core)
+        if len(rows) <= _SMALL:
+            core_columns = _match_small(core)
+        else:
+            from scipy.sparse.csgraph import maximum_bipartite_matching
+
+            # SciPy names the side that is *returned*, not the one that is permuted: "column" is the column of each row.
+            core_columns = np.asarray(maximum_bipartite_matching(core.to_csr(), perm_type="column"), dtype=np.int64)
         row_to_column[rows[core_columns >= 0]] = columns[core_columns[core_columns >= 0]]
     return row_to_column
-
-
-def _match_large(core: Incidence) -> IntArray:
-    from scipy.sparse.csgraph import maximum_bipartite_matching
-
-    # SciPy names the side that is *returned*, not the side that is permuted: "column" is the column of each row.
-    return np.asarray(maximum_bipartite_matching(core.to_csr(), perm_type="column"), dtype=np.int64)
 
 
 def stays_matched(rows: Sequence[Sequence[int]], matched: Sequence[int], changed: Mapping[int, Sequence[int]]) -> bool:

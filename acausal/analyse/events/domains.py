@@ -145,7 +145,9 @@ class _Extensions:
         guard = _Guard(self._now(condition, holds, False), self._now(condition, holds, True))
         if self._known_from(guard) >= here:
             return outer
-        return guard if outer is None else _Guard(*(self._both(x, y) for x, y in zip(outer, guard, strict=True)))
+        if outer is None:
+            return guard
+        return _Guard(*(x if x == y else self.pool.make("and", x, y) for x, y in zip(outer, guard, strict=True)))
 
     def _either(self, a: _Guard | None, b: _Guard | None) -> _Guard | None:
         if a is None or b is None or a == b:
@@ -251,9 +253,6 @@ class _Extensions:
             if pool.nodes[node][0] in (*RELATIONS, "and", "or", "not"):
                 return self._now(node, holds, strict)
         return condition if holds else pool.make("not", condition)
-
-    def _both(self, a: int, b: int) -> int:
-        return a if a == b else self.pool.make("and", a, b)
 
     def _extension(self, op: str, q: list[int], guard: _Guard) -> int:
         """`op` of `q` in its domain or under its guard, else its extension; both are finite where they are inactive."""

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from acausal.analyse.events.time_events import is_of_time, segment_number
+from acausal.analyse.events.time_events import is_of_time
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup, lookup
@@ -50,11 +50,6 @@ def _moves(pool: Pool, root: int) -> bool:
             seen.add(number)
             stack += operands
     return False
-
-
-def number_of_segment(pool: Pool, table: Lookup, argument: int) -> int:
-    """The node of the number of the segment at `argument`, a `floor`."""
-    return segment_number(pool, argument, list(table.breaks))
 
 
 def on_segment(pool: Pool, table: Lookup, argument: int, segment: int) -> int:

@@ -16,10 +16,10 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
 from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.domains import guarded
-from acausal.analyse.events.jumping_tables import jumping_tables, number_of_segment, on_segment
+from acausal.analyse.events.jumping_tables import jumping_tables, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
 from acausal.analyse.events.resting import Kinks, split_at_kinks
-from acausal.analyse.events.time_events import TimeEvents
+from acausal.analyse.events.time_events import TimeEvents, segment_number
 from acausal.analyse.events.underflow import without_underflow
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
@@ -274,7 +274,7 @@ def _jumps(
         op, *operands = pool.nodes[number]
         table = tables.get(number)
         if table is not None and _moves(pool, operands[0], discrete):
-            segment = number_of_segment(pool, table, operands[0])
+            segment = segment_number(pool, operands[0], list(table.breaks))
             below = pool.nodes[segment][1]
             pool.rewrite([below, *operands], pool.var, done)
             k = stairs(segment, "floor", done[below])

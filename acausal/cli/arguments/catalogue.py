@@ -7,7 +7,6 @@ without running anything.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -49,19 +48,11 @@ class Part:
         """First line of the docstring."""
         return self.doc.split("\n")[0]
 
-    def matches(self, word: str) -> bool:
-        """Whether a word in lower case stands in its name, its library or its text."""
-        return word in self.reference.lower() or word in self.doc.lower()
-
 
 @dataclass(frozen=True)
 class _Module:
     classes: dict[str, ast.ClassDef]
     imports: dict[str, tuple[str, str]]
-
-    def named_in(self, node: ast.AST) -> Iterator[str]:
-        """Names that stand somewhere in a class and are not those of its own attributes."""
-        return (n.id for n in ast.walk(node) if isinstance(n, ast.Name))
 
 
 @cache
@@ -138,7 +129,7 @@ def families() -> tuple[str, ...]:
 def named_by(package: str) -> dict[tuple[str, str], frozenset[tuple[str, str]]]:
     """For each class of `acausal.library` or `acausal.models`, where the classes are defined that its body names."""
     return {
-        (module, name): frozenset(_followed(module, n) for n in content.named_in(node))
+        (module, name): frozenset(_followed(module, n.id) for n in ast.walk(node) if isinstance(n, ast.Name))
         for module, content in _modules(package).items()
         for name, node in content.classes.items()
     }

@@ -9,7 +9,8 @@ from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
 from acausal.cli.models.names import unit_of
-from acausal.cli.output.report import place, plural, quantity, record, say, table
+from acausal.cli.output.report import place, quantity, record, say, table
+from acausal.errors import counted
 
 if TYPE_CHECKING:
     from acausal.lower.compiled import CompiledModel
@@ -52,18 +53,18 @@ def check(
 
 def _print(content: dict[str, Any], iterated: Sequence[str]) -> None:
     say(
-        f"{content['model']}: {plural(content['equations'], 'equation')}, {plural(content['unknowns'], 'unknown')}, "
-        f"{plural(content['states'], 'state')}"
-        + (f", {plural(content['discrete'], 'discrete variable')}" if content["discrete"] else "")
+        f"{content['model']}: {counted(content['equations'], 'equation')}, {counted(content['unknowns'], 'unknown')}, "
+        f"{counted(content['states'], 'state')}"
+        + (f", {counted(content['discrete'], 'discrete variable')}" if content["discrete"] else "")
     )
     if content["redundant"]:
-        say(f"  {plural(content['redundant'], 'equation')} following from others")
+        say(f"  {counted(content['redundant'], 'equation')} following from others")
     if content["differentiated"]:
-        say(f"  {plural(content['differentiated'], 'equation')} differentiated: constraints among the states")
+        say(f"  {counted(content['differentiated'], 'equation')} differentiated: constraints among the states")
     if content["stabilised"]:
-        say(f"  {plural(content['stabilised'], 'constraint')} kept by stabilisation: no fixed states suit them")
+        say(f"  {counted(content['stabilised'], 'constraint')} kept by stabilisation: no fixed states suit them")
     if content["algebraic"]:
-        say(f"  {plural(content['algebraic'], 'unknown')} iterated: {', '.join(iterated[:6])}")
+        say(f"  {counted(content['algebraic'], 'unknown')} iterated: {', '.join(iterated[:6])}")
     if content["start"]:
         say("start")
         table([(s["path"], quantity(s["value"], s["unit"]), s["why"]) for s in content["start"]], indent="  ")
@@ -109,4 +110,4 @@ def _conditions(compiled: CompiledModel, start: Start) -> list[dict[str, Any]]:
 def _input_notes(compiled: CompiledModel) -> list[str]:
     if not compiled.inputs:
         return []
-    return [f"{plural(len(compiled.inputs), 'input')} with the default here, or 0: {', '.join(compiled.inputs[:6])}"]
+    return [f"{counted(len(compiled.inputs), 'input')} with the default here, or 0: {', '.join(compiled.inputs[:6])}"]

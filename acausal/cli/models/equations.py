@@ -11,7 +11,8 @@ from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
 from acausal.cli.models.names import flat_names, reduced_names
-from acausal.cli.output.report import place, plural, record, say
+from acausal.cli.output.report import place, record, say
+from acausal.errors import counted
 
 if TYPE_CHECKING:
     from acausal.analyse.analyse import Structure
@@ -173,7 +174,7 @@ def structure_sections(structure: Structure) -> Sections:
         for new in structure.integral
     ]
     states = [{"text": reduced.name(x), "why": state_reason(structure, x)} for x in structure.states]
-    choices = [{"text": _choice(reduced, c), "why": plural(len(c.equations), "constraint")} for c in structure.choices]
+    choices = [{"text": _choice(reduced, c), "why": counted(len(c.equations), "constraint")} for c in structure.choices]
     kept = [
         _entry(_residual(reduced.pool, node, names), flat.equations[structure.flat_equation(e)])
         for e, node in structure.invariants
@@ -198,7 +199,7 @@ def _choice(reduced: ReducedSystem, choice: Choice) -> str:
     if kept:
         parts.append(f"{_listed(reduced, kept)} integrated")
     if choice.floating:
-        parts.append(f"{plural(len(choice.floating), 'constraint')} without a choice that is safe everywhere")
+        parts.append(f"{counted(len(choice.floating), 'constraint')} without a choice that is safe everywhere")
     return "; ".join(parts)
 
 

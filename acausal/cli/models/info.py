@@ -17,8 +17,8 @@ from acausal.cli.arguments.settings import prepare
 from acausal.cli.models.component import show_part
 from acausal.cli.models.names import flat_names, unit_of
 from acausal.cli.output.failure import exit_code
-from acausal.cli.output.report import place, plural, quantity, record, remark, say, seconds, table
-from acausal.errors import AcausalError, Span
+from acausal.cli.output.report import place, quantity, record, remark, say, seconds, table
+from acausal.errors import AcausalError, Span, counted
 from acausal.flatten.instances.instances import instances
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration, Kind
@@ -227,7 +227,7 @@ def _print_structure(structure: Mapping[str, Any]) -> None:
     if structure["differentiated"]:
         _head("Differentiated")
         for order, n in structure["differentiated"].items():
-            say(f"  {plural(n, 'equation')} {plural(order, 'time')}")
+            say(f"  {counted(n, 'equation')} {counted(order, 'time')}")
     _head("Blocks")
     table([_block_row(b) for b in structure["blocks"][:_MOST_BLOCKS]], indent="  ")
     if len(structure["blocks"]) > _MOST_BLOCKS:
@@ -241,7 +241,7 @@ def _print_structure(structure: Mapping[str, Any]) -> None:
 
 
 def _block_row(b: Mapping[str, Any]) -> tuple[str, ...]:
-    unknowns = plural(b["size"], "unknown")
+    unknowns = counted(b["size"], "unknown")
     left = f"{b['iterated']} left to the solver" if b["iterated"] else ""
     return str(b["count"]), f"{b['kind']} of {unknowns}", left
 

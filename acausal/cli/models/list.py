@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from acausal.cli.arguments import options
 from acausal.cli.arguments.catalogue import Part, families, library_parts
 from acausal.cli.arguments.completion import complete_family, complete_list
-from acausal.cli.arguments.shipped import ShippedModel, shipped_models
+from acausal.cli.arguments.shipped import shipped_models
 from acausal.cli.output.report import record, say, table
 from acausal.errors import UsageError, nearest
 
@@ -48,15 +48,17 @@ def list_models(
     models = [m for m in shipped_models() if word in f"{m.name} {m.module} {m.summary}".lower()]
     models = models if what != "library" else []
     parts = list(_parts(family)) if what == "library" or (word and what != "models") else []
-    parts = [p for p in parts if p.matches(word)]
+    parts = [p for p in parts if word in p.reference.lower() or word in p.doc.lower()]
     if word and not models and not parts:
         raise UsageError(
             "AC001", f"nothing that is listed has '{search}' in its name or text", help="try a shorter word"
         )
     if as_json:
-        record({**_models(models, what), **({"library": [_described(p) for p in parts]} if parts else {})})
+        shown = [{"name": m.name, "reference": m.reference, "summary": m.summary} for m in models]
+        library = {"library": [_described(p) for p in parts]} if parts else {}
+        record(library if what == "library" else {"models": shown, **library})
         return
-    _say_models(models)
+    table([(m.name, m.module, m.summary) for m in models])
     _say_parts(parts, word)
 
 
@@ -75,19 +77,9 @@ def _parts(family: str | None) -> list[Part]:
     return found
 
 
-def _models(models: list[ShippedModel], what: str) -> dict[str, Any]:
-    if what == "library":
-        return {}
-    return {"models": [{"name": m.name, "reference": m.reference, "summary": m.summary} for m in models]}
-
-
 def _described(part: Part) -> dict[str, str]:
     module = f"acausal.library.{part.family}"
     return {"name": part.name, "family": part.family, "kind": part.kind, "import": module, "summary": part.summary}
-
-
-def _say_models(models: list[ShippedModel]) -> None:
-    table([(m.name, m.module, m.summary) for m in models])
 
 
 def _say_parts(parts: list[Part], word: str) -> None:

@@ -107,8 +107,3 @@ def quantity(value: float, unit: str) -> str:
 def seconds(value: float) -> str:
     """A duration in milliseconds below one second."""
     return f"{value:.2f} s" if value >= 1.0 else f"{1e3 * value:.1f} ms"
-
-
-def plural(count: int, noun: str) -> str:
-    """`1 state`, `2 states`."""
-    return f"{count} {noun}" + ("" if count == 1 else "s")

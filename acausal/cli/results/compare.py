@@ -12,8 +12,8 @@ from acausal.cli.arguments import options
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.settings import listed
 from acausal.cli.output.failure import OUT_OF_TOLERANCE
-from acausal.cli.output.report import plural, record, remark, say, table
-from acausal.errors import UsageError
+from acausal.cli.output.report import record, remark, say, table
+from acausal.errors import UsageError, counted
 
 if TYPE_CHECKING:
     from acausal.result.result import Result
@@ -105,10 +105,12 @@ def compare(
     elif not quiet:
         _listed(found[:count])
         alone = len(set(a.names) ^ set(b.names))
-        verdict = f"{plural(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
+        verdict = (
+            f"{counted(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
+        )
         say(
-            f"{plural(len(found), 'common signal')}, {alone} in one file only, compared at "
-            f"{plural(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
+            f"{counted(len(found), 'common signal')}, {alone} in one file only, compared at "
+            f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
         )
         if short:
             covered, asked = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from acausal.cli.models.names import unit_of
-from acausal.cli.output.report import plural, quantity, remark, say, seconds, table
+from acausal.cli.output.report import quantity, remark, say, seconds, table
 from acausal.cli.run.progress import Clock
+from acausal.errors import counted
 
 if TYPE_CHECKING:
     from acausal.language.component import Component
@@ -46,7 +47,7 @@ class Session:
             remark(f"nothing to keep: the run had not left t = {reached:g} s")
             return
         self._save(result)
-        remark(f"kept the run up to t = {reached:.6g} s ({plural(len(result.time), 'row')}) in {self.result_file}")
+        remark(f"kept the run up to t = {reached:.6g} s ({counted(len(result.time), 'row')}) in {self.result_file}")
 
     def finish(self, result: Result) -> None:
         """Compute the observed variables, write the files, close the clock."""
@@ -67,8 +68,8 @@ class Session:
     def _save(self, result: Result) -> None:
         if self.result_file is not None:
             result.save(self.result_file, units=self.units)
-            rows = plural(len(result.time), "row")
-            self.written.append((self.result_file, f"{plural(len(result.names) + 1, 'signal')}, {rows}"))
+            rows = counted(len(result.time), "row")
+            self.written.append((self.result_file, f"{counted(len(result.names) + 1, 'signal')}, {rows}"))
 
     def _draw(self, result: Result, picture: Path) -> None:
         """The model's own figure, or its states."""
@@ -80,7 +81,7 @@ class Session:
             figure(result, panels, file=picture)
         else:
             plot(result, *names[:12], file=picture)
-        self.written.append((picture, plural(len(panels), "panel") if panels else "the states"))
+        self.written.append((picture, counted(len(panels), "panel") if panels else "the states"))
 
     def timings(self, result: Result) -> dict[str, float]:
         """Seconds per stage; those of the compiler are parts of `compile`."""
@@ -137,12 +138,12 @@ class Session:
         """The table on stdout, the remarks on stderr."""
         stats = dict(result.stats)
         timings = self.timings(result)
-        say(f"{self.compiled.name}: {result.time[0]:g} ... {result.time[-1]:g} s, {plural(len(result.time), 'row')}")
+        say(f"{self.compiled.name}: {result.time[0]:g} ... {result.time[-1]:g} s, {counted(len(result.time), 'row')}")
         counts = [
-            plural(len(self.compiled.continuous), "state"),
-            plural(len(self.compiled.algebraic), "iterated unknown"),
+            counted(len(self.compiled.continuous), "state"),
+            counted(len(self.compiled.algebraic), "iterated unknown"),
         ]
-        events = f", {plural(len(result.events), 'event')}" if result.events else ""
+        events = f", {counted(len(result.events), 'event')}" if result.events else ""
         say(f"  solver   {stats['solver']} ({stats['reason']}), tolerance {stats['tolerance']:g}")
         say(f"  size     {len(self.compiled.flat.equations)} equations, {', '.join(counts)}{events}")
         stages = [f"{k} {seconds(v)}" for k, v in timings.items() if k in self.clock.laps]

@@ -13,8 +13,8 @@ from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, s
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import difference_in, number_in, prepare, values_of
-from acausal.cli.output.report import plural, record, remark, say, table
-from acausal.errors import UsageError
+from acausal.cli.output.report import record, remark, say, table
+from acausal.errors import UsageError, counted
 from acausal.language.declarations.declaration import Declaration
 
 if TYPE_CHECKING:
@@ -153,9 +153,9 @@ def _remark(found: Fit, model: str, picture: Path | None) -> None:
 
 def _print(found: Fit) -> None:
     sizes = (
-        plural(len(found.names), "parameter"),
-        f"{plural(found.rows, 'value')} of {plural(len(found.rms), 'signal')}",
-        f"{plural(found.runs, 'run')}, {found.gradients} differentiated",
+        counted(len(found.names), "parameter"),
+        f"{counted(found.rows, 'value')} of {counted(len(found.rms), 'signal')}",
+        f"{counted(found.runs, 'run')}, {found.gradients} differentiated",
     )
     say(f"{found.model}: {', '.join(sizes)}")
     rows = [

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
-from acausal.cli.output.report import plural, record, remark, say, table
-from acausal.errors import UsageError
+from acausal.cli.output.report import record, remark, say, table
+from acausal.errors import UsageError, counted
 
 if TYPE_CHECKING:
     from acausal.export.linearize import Linearization
@@ -81,8 +81,8 @@ def _mode(e: complex) -> dict[str, float]:
 
 
 def _print(found: Linearization) -> None:
-    sizes = (plural(len(found.states), "state"), plural(len(found.inputs), "input"))
-    say(f"{found.name}: {', '.join(sizes)}, {plural(len(found.outputs), 'output')} at t = {found.t:g} s")
+    sizes = (counted(len(found.states), "state"), counted(len(found.inputs), "input"))
+    say(f"{found.name}: {', '.join(sizes)}, {counted(len(found.outputs), 'output')} at t = {found.t:g} s")
     if found.states:
         say("point")
         rows = [

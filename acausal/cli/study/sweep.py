@@ -18,9 +18,9 @@ from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, s
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import difference_in, listed, number_in, prepare, seconds_of
-from acausal.cli.output.report import plural, quantity, record, remark, say, seconds, table
+from acausal.cli.output.report import quantity, record, remark, say, seconds, table
 from acausal.cli.run.progress import ProgressBar
-from acausal.errors import UsageError
+from acausal.errors import UsageError, counted
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
 
@@ -129,7 +129,7 @@ def sweep(
             )
     except KeyboardInterrupt:
         if (last := shown.last) is not None:
-            remark(f"kept {last.done} of {plural(last.total, 'member')} in {file}: --resume goes on with it")
+            remark(f"kept {last.done} of {counted(last.total, 'member')} in {file}: --resume goes on with it")
         raise
     written = [file]
     if table_file is not None:
@@ -151,10 +151,10 @@ def _tell(found: Sweep, last: Progress | None, written: Sequence[Path], as_json:
         _summary(found, last)
     for code, count in Counter(found.codes[k] for k in found.failed).most_common(_MOST_LINES):
         first = found.codes.index(code)
-        remark(f"failed: {plural(count, 'member')} with {code}, the first is {first}: {found.messages[first]}")
+        remark(f"failed: {counted(count, 'member')} with {code}, the first is {first}: {found.messages[first]}")
     if not quiet:
         for note, count in Counter(n for notes in found.notes for n in notes).most_common(_MOST_LINES):
-            remark(f"note: {note} ({plural(count, 'member')})")
+            remark(f"note: {note} ({counted(count, 'member')})")
         for path in written:
             remark(f"wrote {path}")
 
@@ -196,7 +196,7 @@ def _summary(found: Sweep, last: Progress | None) -> None:
     import numpy as np
 
     ok = np.array([status == "ok" for status in found.status])
-    say(f"{found.model}: {plural(len(found), 'member')}, {int(ok.sum())} finished")
+    say(f"{found.model}: {counted(len(found), 'member')}, {int(ok.sum())} finished")
     for k, varied in enumerate(found.parameters):
         low, high = found.values[:, k].min(), found.values[:, k].max()
         say(f"  varied   {varied.name}: {quantity(low, varied.unit)} ... {quantity(high, varied.unit)}")

@@ -9,7 +9,7 @@ from acausal.errors import DeclarationError, UnitError
 from acausal.language.component import Component, Connector
 from acausal.language.declarations.declaration import Kind
 from acausal.language.expressions.expression import Expr, Symbol, shape_text
-from acausal.language.statement import Statement, is_recording, made
+from acausal.language.statement import RECORDING, Statement, made
 from acausal.units import ambiguous, parse
 
 Connectable = TypeVar("Connectable", bound=Connector | Expr)
@@ -68,7 +68,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
     if isinstance(first, Expr):
         _check_signals(ends)  # type: ignore[arg-type]
     connection = Connection(ends)  # type: ignore[arg-type]
-    if not is_recording():
+    if RECORDING.get() is None:
         raise DeclarationError(
             "AC186",
             f"`{connection}` is made outside of a component's `equations`",

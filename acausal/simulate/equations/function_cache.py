@@ -96,17 +96,14 @@ class FunctionCache:
         with _OBSERVING:
             if (columns, blend) not in self._observed:
                 if blend not in self._observers:
-                    self._observers[blend] = self._observer(blend)
+                    symbols = Symbols(self.compiled)
+                    self._observers[blend] = symbols, symbols.defined(self.compiled, blend)
                 symbols, builder = self._observers[blend]
                 y = builder.column(builder.replaced(self.compiled.columns[k] for k in columns))
                 while len(self._observed) >= _MOST_OBSERVED:
                     del self._observed[next(iter(self._observed))]
                 self._observed[columns, blend] = Observing(symbols, ca.densify(y))
             return self._observed[columns, blend]
-
-    def _observer(self, blend: bool) -> tuple[Symbols, DefiningBuilder]:
-        symbols = Symbols(self.compiled)
-        return symbols, symbols.defined(self.compiled, blend)
 
     @cached_property
     def time_tables(self) -> tuple[TimeTable, ...]:

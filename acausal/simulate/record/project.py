@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.diagnose.words import counted, line
-from acausal.errors import IntegrationError
+from acausal.diagnose.words import line
+from acausal.errors import IntegrationError, counted
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
 

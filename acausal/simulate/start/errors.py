@@ -9,19 +9,8 @@ import numpy as np
 
 from acausal.analyse.start import Condition, Dependence
 from acausal.arrays import Vector
-from acausal.diagnose.words import (
-    component_of,
-    counted,
-    hint,
-    line,
-    lines,
-    listed,
-    made_at,
-    parameter_at,
-    places,
-    short,
-)
-from acausal.errors import InitializationError, Span
+from acausal.diagnose.words import component_of, hint, line, lines, listed, made_at, parameter_at, places, short
+from acausal.errors import InitializationError, Span, counted
 from acausal.flatten.flat import span_of
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values

@@ -12,8 +12,8 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import solve
 from acausal.arrays import Vector
-from acausal.diagnose.words import counted, listed, made_at
-from acausal.errors import AcausalError, InitializationError
+from acausal.diagnose.words import listed, made_at
+from acausal.errors import AcausalError, InitializationError, counted
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.function_cache import functions_of, truths

@@ -179,8 +179,3 @@ METHODS: tuple[Method, ...] = (
     Method("rosenbrock", "Rosenbrock 5(4)", "rosenbrock", 5, *_rosenbrock(), True),
 )
 """All methods known here, explicit ones first."""
-
-
-def method_of(solver: str) -> Method | None:
-    """The method that a solver runs with fixed steps."""
-    return next((m for m in METHODS if m.solver == solver), None)

@@ -19,7 +19,7 @@ from acausal.result.result import Result
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
-from acausal.simulate.step_limit.amplification import MOST_GROWTH, Method, method_of
+from acausal.simulate.step_limit.amplification import METHODS, MOST_GROWTH, Method
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 
 # Growth in the first part of the run by which the start alone condemns it.
@@ -40,7 +40,7 @@ class StepLimit:
     method: Method | None = field(init=False)
 
     def __post_init__(self) -> None:
-        found = method_of(self.solver)
+        found = next((m for m in METHODS if m.solver == self.solver), None)
         guarded = found is not None and found.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
         self.method = found if guarded else None
 

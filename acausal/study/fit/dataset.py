@@ -114,11 +114,6 @@ def _from_frame(frame: Any) -> dict[str, TimeSeries]:
     return found
 
 
-def driving_columns(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...]) -> dict[str, TimeSeries]:
-    """The columns that drive inputs of the model."""
-    return {name: series for name, series in columns.items() if name in inputs}
-
-
 def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Result) -> tuple[Measured, ...]:
     """The columns to compare with the model, in SI; `run` is a result of it, with its signals.
 

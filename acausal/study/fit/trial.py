@@ -25,7 +25,7 @@ from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import options as run_options
 from acausal.simulate.options import parameter_vector
 from acausal.simulate.run import simulate
-from acausal.study.fit.dataset import Dataset, Measured, columns_of, driving_columns, measured
+from acausal.study.fit.dataset import Dataset, Measured, columns_of, measured
 
 # A signal jumps at an event if it changes by more than this share of its range.
 _JUMP = 1e-6
@@ -132,11 +132,8 @@ def trial_of(
         raise UsageError(
             "AC011", f"{name} goes from {first:g} s to {last:g} s; a run of {compiled.name} starts at {begin:g} s"
         )
-    run = dict(options)
-    run |= {
-        "inputs": {**common.inputs, **driving_columns(columns, compiled.inputs), **dataset.inputs},
-        "stop_time": last,
-    }
+    driving = {n: c for n, c in columns.items() if n in compiled.inputs}
+    run = {**options, "inputs": {**common.inputs, **driving, **dataset.inputs}, "stop_time": last}
     run["output_interval"] = _interval([c.times for c in measurements.values()], begin)
     rows = None if run["output_interval"] is not None else _rows([c.times for c in measurements.values()], begin, last)
     started = with_starts(compiled, {**common.start, **dataset.start})

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from acausal.diagnose.words import counted
+from acausal.errors import counted
 from acausal.study.growth import Growth
 from acausal.study.stability.modes.modes import Local
 from acausal.study.stability.structure import Facts
@@ -116,7 +116,7 @@ def _events(run: Trajectory, facts: Facts) -> Finding | None:
     rest, remedy = "", located + "; every branch is integrated smoothly"
     kinks = _kinks(facts)
     if kinks is not None:
-        rest = f"; {_counted(facts)} are no events"
+        rest = f"; {facts.kinks} other branches, signs, minima or maxima are no events"
         remedy = f"events: {located}; the others: {kinks.remedy}"
         avoid += kinks.avoid
     return Finding(
@@ -158,10 +158,6 @@ def _instants(run: Trajectory, facts: Facts) -> Finding | None:
         "the run is cut exactly there",
         (("a solver that has to discover the switch", "every step is longer than the pulse"),) if pulse else (),
     )
-
-
-def _counted(facts: Facts) -> str:
-    return f"{facts.kinks} other branches, signs, minima or maxima"
 
 
 def _kinks(facts: Facts) -> Finding | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from acausal.diagnose.words import counted
+from acausal.errors import counted
 from acausal.providers import provided
 from acausal.study.growth import Growth
 from acausal.study.stability.character import Character
@@ -112,7 +112,8 @@ class Stability:
         explicit = [limit for limit in self.limits if limit.method.explicit]
         if not details:
             yield f"  steps    at most {', '.join(f'{_step(q)} {_name(q)}' for q in explicit)}"
-            yield from self._avoided()
+            if shown := dict.fromkeys(a.solver for a in judged.avoid if a.solver):
+                yield f"  avoid    {', '.join(shown)}"
             yield from self._noted()
             return
         for a in judged.avoid:
@@ -121,11 +122,6 @@ class Stability:
             yield f"  note     {f.fact}"
             yield f"           {f.remedy}"
         yield from self._numbers()
-
-    def _avoided(self) -> Iterator[str]:
-        shown = dict.fromkeys(a.solver for a in self.verdict.avoid if a.solver)
-        if shown:
-            yield f"  avoid    {', '.join(shown)}"
 
     def _noted(self) -> Iterator[str]:
         notes = [f.fact for f in self.verdict.findings if f.kind != "growing" or self.growth is None]
