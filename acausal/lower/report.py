@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from acausal.analyse.analyse import Structure
 from acausal.flatten.reduced import ReducedSystem
-from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
 
 
@@ -39,15 +38,6 @@ class StateReason:
     why: str
 
 
-@dataclass(frozen=True)
-class Eliminated:
-    """A flat variable that is not solved for: `how` is one of ELIMINATIONS, `by` the expression that replaces it."""
-
-    name: str
-    how: str
-    by: str
-
-
 ELIMINATIONS = ("alias", "constant", "expression")
 """Equal to another variable up to sign; equal to a constant; equal to an expression of other variables."""
 
@@ -65,7 +55,7 @@ class StructureReport:
     states
         States in the order of x.
     eliminated
-        Number of flat scalars by the way they were eliminated, see `eliminated_variables` for their names.
+        Number of flat scalars by the way they were eliminated.
     differentiated
         Number of equations by how often they were differentiated.
     """
@@ -167,17 +157,6 @@ def state_reason(structure: Structure, state: int) -> str:
         return "its derivative stands in the equations"
     reasons = ["preferred by its declaration"] * preferred + ["its start is fixed"] * is_fixed
     return "chosen: " + (", ".join(reasons) or "no other choice is as safe")
-
-
-def eliminated_variables(reduced: ReducedSystem) -> Iterator[Eliminated]:
-    """Every flat scalar that is no longer an unknown, in the order of declaration."""
-    flat, pool = reduced.flat, reduced.pool
-
-    def name_of(op: str, k: int) -> str:
-        return flat.parameter_names[k] if op == "par" else reduced.name(k)
-
-    for scalar, how in _eliminations(reduced):
-        yield Eliminated(flat.scalar_name(scalar), how, to_text(pool, reduced.image[scalar], name_of, 200))
 
 
 def _eliminations(reduced: ReducedSystem) -> Iterator[tuple[int, str]]:

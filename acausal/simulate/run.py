@@ -32,10 +32,6 @@ from acausal.simulate.start.initialize import Start
 _log = logging.getLogger(__name__)
 # Times that a run is made, each time with other pivots.
 _MOST_FORMS = 4
-# How far points may be off the constraints with fixed steps, and at the smallest tolerances.
-_MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
-# Steps times variables that take about a second.
-_LONG = 1e6
 
 
 @interruptible

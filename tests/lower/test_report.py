@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import acausal
 from acausal import Component, Equations, Real, der, parameter, variable
-from acausal.lower.report import eliminated_variables, state_reason, structure_report
+from acausal.lower.report import state_reason, structure_report
 from acausal.models.mass_chain import MassSpringDamperChain
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_ladder import RCLadder
@@ -80,16 +80,6 @@ def test_constraint_without_a_safe_choice_keeps_its_variables_as_states() -> Non
     assert {state_reason(structure, x) for x in structure.states} == {
         "no choice is safe everywhere: all variables of a stabilised constraint stay states"
     }
-
-
-def test_eliminated_variables_by_name() -> None:
-    compiled = acausal.compile(RCLadder(n=2))
-    found = {e.name: e for e in eliminated_variables(compiled.solution.structure.reduced)}
-    # the ground's potential; the connection set is named after the first pin in it
-    assert (found["source.n.v"].how, found["source.n.v"].by) == ("constant", "0")
-    assert found["source.p.v"].by == "V"
-    # the current that leaves the resistor entered it
-    assert (found["resistors[1].n.i"].how, found["resistors[1].n.i"].by) == ("alias", "-resistors[1].i")
 
 
 def test_report_as_text() -> None:

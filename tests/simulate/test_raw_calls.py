@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from acausal.simulate.equations.calls.raw import called, rows
+from acausal.simulate.equations.calls.buffered import rows
+from acausal.simulate.equations.calls.raw import Kept
 
 
 def test_rows_are_the_function_at_each_instant() -> None:
@@ -33,7 +34,7 @@ def integrator(end: float = 0.75, **options: float) -> ca.Function:
 
 
 def test_integrators_give_states_and_statistics() -> None:
-    (x, z), stats = called(integrator(reltol=1e-10, abstol=1e-12), {"x0": np.ones(1)}, ("xf", "zf"))
+    (x, z), stats = Kept(integrator(reltol=1e-10, abstol=1e-12))({"x0": np.ones(1)}, ("xf", "zf"))
     np.testing.assert_allclose(x, [[2.0], [4.0]], rtol=1e-7)
     assert z.shape == (2, 0)
     assert stats["nsteps"] > 10
@@ -41,4 +42,4 @@ def test_integrators_give_states_and_statistics() -> None:
 
 def test_a_failure_is_a_runtime_error() -> None:
     with pytest.raises(RuntimeError, match="CVode"):
-        called(integrator(end=2.0, max_num_steps=500), {"x0": np.ones(1)}, ("xf",))
+        Kept(integrator(end=2.0, max_num_steps=500))({"x0": np.ones(1)}, ("xf",))

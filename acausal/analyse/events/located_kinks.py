@@ -41,7 +41,6 @@ _LINEAR = frozenset(("add", "sub", "neg", "mul", "div"))
 _PIECEWISE = frozenset(("min", "max", "where", "noevent"))
 # Two distances count as one if they are multiples of each other to this many digits at all sample points.
 _DIGITS = 9
-_SAME = 1e-9
 # A difference is zero if it is smaller than this times its largest value.
 _ZERO = 1e-12
 

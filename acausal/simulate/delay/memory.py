@@ -23,7 +23,7 @@ from acausal.simulate.delay.errors import changed_kind, out_of_bounds, vanished
 from acausal.simulate.delay.history import History, Panel
 from acausal.simulate.delay.recording import Recording
 from acausal.simulate.driver.agenda import TooFar
-from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.regime import Regime

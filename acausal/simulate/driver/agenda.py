@@ -19,7 +19,7 @@ from acausal.analyse.events.state_events import Clause
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
-from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import NONE, Kinks
 from acausal.simulate.events.errors import not_a_clock

@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.solvers.segment import Tolerances
 

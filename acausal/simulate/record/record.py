@@ -20,8 +20,8 @@ from acausal.language.declarations.declaration import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.result.result import Event, Result, Signal
+from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
-from acausal.simulate.equations.calls.raw import rows
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.inputs.given import Inputs

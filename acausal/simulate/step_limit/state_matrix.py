@@ -13,7 +13,7 @@ import numpy as np
 from acausal.arrays import Complex, Vector
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.raw import rows
+from acausal.simulate.equations.calls.buffered import rows
 
 LARGEST_DENSE = 400
 """Beyond so many states only the fastest eigenvalues are computed."""

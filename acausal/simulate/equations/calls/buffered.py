@@ -99,7 +99,7 @@ class BufferedFunction:
         n = max((len(a) for a in arguments if a.ndim == 2), default=1)
         size = self.function.numel_out(0)
         if n < _FEW or not size:
-            return self._few(n, size, arguments)
+            return self.few(n, size, arguments)
         if n > _BLOCK:
             starts = range(0, n, _BLOCK)
             return np.vstack([self.many(*(a[k : k + _BLOCK] if a.ndim == 2 else a for a in arguments)) for k in starts])
@@ -110,9 +110,9 @@ class BufferedFunction:
             self._columns[key] = by_columns(self.function, *key)
         found = self._block(key)(n, size, arguments)
         # which of them has failed is not told
-        return self._few(n, size, arguments) if found is None else found
+        return self.few(n, size, arguments) if found is None else found
 
-    def _few(self, n: int, size: int, arguments: Sequence[Vector]) -> Vector:
+    def few(self, n: int, size: int, arguments: Sequence[Vector]) -> Vector:
         """The first output at n instants, one after the other."""
         memory, found = self._memory, np.zeros((n, size))
         if not size:
@@ -166,6 +166,12 @@ class NarrowFunction:
     def many(self, *arguments: Columns) -> Vector:
         """See `BufferedFunction.many`."""
         return self._buffered.many(*(a[..., needed] for a, needed in zip(arguments, self._needed, strict=True)))
+
+
+def rows(function: Any, arguments: Sequence[Vector]) -> Vector:
+    """The first output of a function that is called this once, as of `BufferedFunction.many`."""
+    once, n = BufferedFunction(function), max((len(a) for a in arguments if a.ndim == 2), default=1)
+    return once.few(n, once.function.numel_out(0), arguments)
 
 
 def _dense(function: Any) -> Any:

@@ -18,8 +18,11 @@ from acausal.simulate.native.program import address
 _SHARE = 5
 
 
-class _InColumns(ca.Callback):
-    """A function of the arguments of another one, for one thread: its values are in one memory."""
+class OnMemory(ca.Callback):
+    """A function of the arguments of another one, for one thread: its values are in one memory.
+
+    `results` has the sparsity of each output by name.
+    """
 
     def __init__(self, name: str, function: Any, results: Mapping[str, Any]) -> None:
         ca.Callback.__init__(self)
@@ -63,15 +66,14 @@ class _InColumns(ca.Callback):
 
     @abstractmethod
     def _run(self) -> int:
-        """Evaluate the arguments that are in memory; 0, or what CasADi takes for a failure."""
+        """Evaluate what is in `_arguments` into `_results`; 0, or what CasADi takes for a failure."""
 
 
-class InColumns(_InColumns):
+class InColumns(OnMemory):
     """The same function."""
 
     def __init__(self, function: Any, library: Any, program: columns.Program) -> None:
-        results = {function.name_out(k): function.sparsity_out(k) for k in range(function.n_out())}
-        super().__init__(function.name(), function, results)
+        super().__init__(function.name(), function, outputs(function))
         self._call, self._program, self._kept = library.acausal_columns, ctypes.byref(program), program
 
     def _run(self) -> int:
@@ -79,7 +81,7 @@ class InColumns(_InColumns):
         return status
 
 
-class JacobianInColumns(_InColumns):
+class JacobianInColumns(OnMemory):
     """`jacF` of an integrator of an ODE: derivatives of its rates by the states, and blocks without entries."""
 
     def __init__(self, function: Any, library: Any, found: tangents.Jacobian, program: columns.Program) -> None:
@@ -95,6 +97,11 @@ class JacobianInColumns(_InColumns):
         status: int = self._library.acausal_columns(self._program, self._given, self._none)
         self._library.acausal_tangents(self._tangents, ctypes.c_void_p(self._wanted[0]))
         return status
+
+
+def outputs(function: Any) -> dict[str, Any]:
+    """Sparsity of each output of a function, by name."""
+    return {function.name_out(k): function.sparsity_out(k) for k in range(function.n_out())}
 
 
 @dataclass(frozen=True, eq=False)

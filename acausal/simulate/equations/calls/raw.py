@@ -25,13 +25,6 @@ from acausal.simulate.interrupt import Interrupted, is_interrupted
 Array = NDArray[np.float64]
 
 
-def called(
-    function: Any, arguments: Mapping[str, Array], wanted: Sequence[str], *, partial: bool = False
-) -> tuple[list[Array], dict[str, Any]]:
-    """Outputs of one call and its statistics, see `Kept`."""
-    return Kept(function)(arguments, wanted, partial=partial)
-
-
 class Kept:
     """A function called again and again by one thread through the same memory, which nobody else may use."""
 
@@ -110,35 +103,6 @@ def _written(rows: Array) -> int:
     """How many rows are there: an integrator writes one after the other."""
     missing = ~np.isfinite(rows).all(axis=1)
     return int(np.argmax(missing)) if missing.any() else len(rows)
-
-
-def rows(function: Any, arguments: Sequence[Array]) -> Array:
-    """The first output at n instants, shape (n, size); arguments have shape (n, their size), or (their size,).
-
-    The output must be dense; it is nan where the function fails.
-    """
-    buffer, run = function.buffer()
-    n = max((len(a) for a in arguments if a.ndim == 2), default=1)
-    found = np.zeros((n, function.numel_out(0)))
-    if not found.size:
-        return found
-    varying: list[tuple[Array, Array]] = []
-    held = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
-    here = np.zeros(found.shape[1])
-    buffer.set_res(0, here.data)
-    # copied to one place: to tell CasADi of another takes longer than to copy a small row
-    for place, value in enumerate(held):
-        if value.size:
-            row = value if value.ndim == 1 else np.zeros(value.shape[1])
-            buffer.set_arg(place, row.data)
-            if value.ndim == 2:
-                varying.append((row, value))
-    for k in range(n):
-        for row, value in varying:
-            row[:] = value[k]
-        run()
-        found[k] = np.nan if buffer.ret() else here
-    return found
 
 
 # A step that Newton's method does not solve is printed with its arguments, piece by piece.

@@ -9,12 +9,11 @@ equation solvers, ACM Transactions on Mathematical Software 31 (2005) 363-396, s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
-import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+
+from acausal.simulate.equations.calls.in_columns import OnMemory, outputs
 
 _REUSED = 5
 """Newton matrices in a row that are made of an older Jacobian; each serves seven steps between kinks."""
@@ -29,7 +28,7 @@ def pays(rates: Any, jacobian: Any) -> bool:
     return bool(jacobian.n_instructions() >= max(_LONG, _SHARE * rates.n_instructions()))
 
 
-class Reused(ca.Callback):
+class Reused(OnMemory):
     """A Jacobian function `(t, x, z, p, u) -> blocks` that hands out what it has computed for an earlier point.
 
     A step that is tried again is asked for at an earlier time: once with the same Jacobian, as its error may have been
@@ -38,68 +37,29 @@ class Reused(ca.Callback):
     """
 
     def __init__(self, jacobian: Any) -> None:
-        ca.Callback.__init__(self)
-        self._jacobian = jacobian
-        self._buffer, self._run = jacobian.buffer()
-        self._arguments = [np.zeros(jacobian.nnz_in(k)) for k in range(jacobian.n_in())]
-        self._results = [np.zeros(jacobian.nnz_out(k)) for k in range(jacobian.n_out())]
+        super().__init__(jacobian.name(), jacobian, outputs(jacobian))
+        self._buffer, self._evaluate = jacobian.buffer()
         for k, argument in enumerate(self._arguments):
             if argument.size:
                 self._buffer.set_arg(k, argument.data)
         for k, result in enumerate(self._results):
             if result.size:
                 self._buffer.set_res(k, result.data)
-        self.evaluations = 0
         self.begin()
-        self.construct(jacobian.name(), {})
 
     def begin(self) -> None:
         """Forget what was computed: the next call is the first one of an integration."""
         self.evaluations, self._age, self._retries, self._t = 0, _REUSED, 0, -np.inf
 
-    def get_n_in(self) -> int:
-        return int(self._jacobian.n_in())
-
-    def get_n_out(self) -> int:
-        return int(self._jacobian.n_out())
-
-    def get_sparsity_in(self, i: int) -> Any:
-        return self._jacobian.sparsity_in(i)
-
-    def get_sparsity_out(self, i: int) -> Any:
-        return self._jacobian.sparsity_out(i)
-
-    def get_name_in(self, i: int) -> str:
-        return str(self._jacobian.name_in(i))
-
-    def get_name_out(self, i: int) -> str:
-        return str(self._jacobian.name_out(i))
-
-    def has_eval_buffer(self) -> bool:
-        return True
-
-    def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
-        """CasADi's call, on its memory."""
-        t = _numbers(arg[0])[0]
+    def _run(self) -> int:
+        t = self._arguments[0][0]
         self._retries = self._retries + 1 if t <= self._t else 0
         self._t = t
-        if self._age >= _REUSED or self._retries > 1:
-            for own, given in zip(self._arguments, arg, strict=True):
-                if own.size:
-                    own[:] = _numbers(given) if given is not None else 0.0
-            self._run()
-            self.evaluations += 1
-            if self._buffer.ret():
-                self._age = _REUSED
-                return int(self._buffer.ret())
-            self._age = 0
-        else:
+        if self._age < _REUSED and self._retries <= 1:
             self._age += 1
-        for own, wanted in zip(self._results, res, strict=True):
-            if own.size and wanted is not None:
-                _numbers(wanted)[:] = own
-        return 0
-
-
-def _numbers(memory: Any) -> NDArray[np.float64]:
-    return np.frombuffer(memory, dtype=np.float64)
+            return 0
+        self._evaluate()
+        self.evaluations += 1
+        failed = int(self._buffer.ret())
+        self._age = _REUSED if failed else 0
+        return failed
