@@ -18,4 +18,8 @@ def test_no_guard_that_may_be_passed_is_left_out(seed: int, spread: float, away:
     g = np.cumsum(steps, axis=0)
     g += away * np.abs(steps).max(axis=0) * draw.uniform(0.0, 1.0, 5) - g.min(axis=0)
     g[7, 0] = np.nan
-    assert ((lowest(times, g) < 0.0) == (_bounds(times, g) < 0.0)).all()
+    places, bounds = lowest(times, g)
+    found = np.full((len(g) - 1, g.shape[1]), np.inf)
+    found[places] = bounds
+    assert ((found < 0.0) == (_bounds(times, g) < 0.0)).all()
+    assert (found[found < np.inf] == _bounds(times, g)[found < np.inf]).all()

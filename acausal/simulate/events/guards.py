@@ -206,9 +206,8 @@ class Guards:
 
     def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
         """Guards at n instants, shape (n, guards)."""
-        return np.minimum(
-            regime.active_set.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m), FAR
-        )
+        found = regime.active_set.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m)
+        return np.minimum(found, FAR, out=found)
 
     def fired(self, t: float, at: Moment) -> Truth:
         """Guards that end the regime at this event: all that are reached and falling; at least the nearest."""

@@ -72,9 +72,10 @@ def integrals(
         middle = (a + half)[short]
         a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
         stretch = np.concatenate([stretch[short], stretch[short]])
+    inside: Indices | slice
     if len(found) == 1 and len(found[0][0]) == len(starts):  # one panel for each stretch, in order
         left, right, _, panels = found[0]
-        inside, before = stretches, np.zeros((len(panels), len(times)))
+        inside, before = stretches if len(starts) > 1 else slice(0, 1), np.zeros((len(panels), 1))
     else:
         left, right, inside, panels, before = _assembled(found, len(starts), times, stretches)
     width = (right - left)[inside]  # 0 where an event is found at the very start of its stretch
@@ -82,8 +83,10 @@ def integrals(
     return np.asarray(before + _sums(panels, inside, np.clip(at, -1.0, 1.0)))
 
 
-def _sums(panels: Vector, inside: Indices, at: Vector) -> Vector:
+def _sums(panels: Vector, inside: Indices | slice, at: Vector) -> Vector:
     """Chebyshev series, shape (nq, panels, degrees), of the panels `inside` at n places from -1 to 1; shape (nq, n).
+
+    `inside` is a slice of one where all places are in one panel.
 
     By Clenshaw's recurrence: a cosine for each degree and place takes ten times as long.
     """

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import LOCATED
@@ -19,8 +20,8 @@ from acausal.simulate.events.guards import LOCATED
 _FINE, _COARSE, _FEWEST = 8, 6, 4
 # Errors at the mesh points grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
 _LARGEST = 16.0
-_NOTHING = np.zeros((1, 1))
-_MANY = 500
+# Instants that are worth a look for those near zero, and how many are looked at together.
+_MANY, _BLOCK = 500, 64
 
 
 def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tuple[Vector, Truth]:
@@ -98,21 +99,40 @@ def root(times: Vector, values: Vector, row: int) -> float:
     return origin + left
 
 
-def lowest(times: Vector, g: Vector) -> Vector:
-    """Lower bounds over each interval between n + 1 instants, shape (n, guards); `g` has shape (n + 1, guards).
+def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
+    """Intervals between n + 1 instants that may hold a zero, shape (m,), and lower bounds there, shape (m, guards).
 
-    Where there are many instants, guards that move by less than they are away from zero are not looked at: with the
-    largest change r between neighbours and the largest ratio q of two intervals, parabolas and lines of `_bounds` go
-    below the least value by no more than q**2 r.
+    `g` has shape (n + 1, guards). Where there are many instants, blocks of them in which a guard moves by less than it
+    is away from zero are not looked at, and its bounds are inf: with the largest change r between neighbours and the
+    largest ratio q of two intervals, parabolas and lines of `_bounds` go below the least value by no more than q**2 r.
     """
     if len(g) < _MANY:
-        return _bounds(times, g)
+        return np.arange(len(g) - 1), _bounds(times, g)
+    starts = np.arange(0, len(g) - 1, _BLOCK)
     h = np.diff(times)
-    with np.errstate(divide="ignore", invalid="ignore"):  # nan is near
-        moved = (h.max() / h.min()) ** 2 * np.abs(np.diff(g, axis=0)).max(axis=0)
-    near = ~(g.min(axis=0) > moved)
-    found = np.full((len(h), g.shape[1]), np.inf)
-    found[:, near] = _bounds(times, g[:, near])
+    uneven = _around(np.maximum, h, starts) / _around(np.minimum, h, starts)
+    least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
+    with np.errstate(invalid="ignore"):  # nan is near
+        near = ~(least > (uneven**2)[:, None] * (most - least))
+    ends = np.flatnonzero(np.diff(near.any(axis=1), prepend=False, append=False)).reshape(-1, 2)
+    rows, found = [np.zeros(0, dtype=np.intp)], [np.zeros((0, g.shape[1]))]
+    for first, last in ends.tolist():
+        left, right = first * _BLOCK, min(last * _BLOCK, len(h))
+        before, behind = max(left - 1, 0), min(right + 2, len(g))
+        columns = np.flatnonzero(near[first:last].any(axis=0))
+        bounds = _bounds(times[before:behind], g[before:behind, columns])
+        rows.append(np.arange(left, right))
+        found.append(np.full((right - left, g.shape[1]), np.inf))
+        found[-1][:, columns] = bounds[left - before : right - before]
+    return np.concatenate(rows), np.vstack(found)
+
+
+def _around(extreme: np.ufunc, values: Vector, starts: NDArray[np.intp]) -> Vector:
+    """The least or largest values of blocks and the two beside each: intervals are bounded by what is around them."""
+    own = extreme.reduceat(values, starts, axis=0)
+    found = own.copy()
+    extreme(found[1:], own[:-1], out=found[1:])
+    extreme(found[:-1], own[1:], out=found[:-1])
     return found
 
 
@@ -170,22 +190,31 @@ class LeftGuards:
         """Whether there are such guards."""
         return bool(self.leaving.any())
 
+    @cached_property
+    def _until(self) -> float:
+        """When the last of them has left what it may be off by rounding [s]."""
+        longest = float((self.noises[self.leaving] / self.rates[self.leaving]).max()) / LOCATED
+        return self.time + 1.001 * longest
+
     def near(self, times: Vector) -> Vector:
-        """How far below zero guards may be by rounding, as they have just left it; shape (n, guards), or 0 for all."""
-        if not self.is_left:
-            return _NOTHING
+        """How far below zero guards may be by rounding, as they have just left it, at the first r of n instants.
+
+        `times` ascend; shape (r, guards). From the next one on it is nothing.
+        """
+        first = int(np.searchsorted(times, self._until, side="right")) if self.is_left else 0
         with np.errstate(divide="ignore", invalid="ignore"):
-            gone = LOCATED * (times - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
+            gone = (
+                LOCATED * (times[:first] - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
+            )
         return np.asarray(self.noises * np.clip(1.0 - gone, 0.0, 1.0))
 
     def judged(self, times: Vector, values: Vector) -> Vector:
         """What must not be negative, at n instants; shape (n, guards)."""
         if not self.is_left:
             return values
-        found = values.copy()
-        k = self.leaving
-        since = (times - self.time)[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            mean = (values[:, k] - self.values[k]) / since
-        found[:, k] = np.where(since > 0.0, mean, self.rates[k])
+        found, since = values.copy(order="K"), times - self.time
+        for k in np.flatnonzero(self.leaving).tolist():
+            with np.errstate(divide="ignore", invalid="ignore"):
+                mean = (values[:, k] - self.values[k]) / since
+            found[:, k] = np.where(since > 0.0, mean, self.rates[k])
         return found

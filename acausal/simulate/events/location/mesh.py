@@ -108,7 +108,9 @@ def begun(shares: Vector, length: float, first: float) -> float:
 def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:
     """Mesh points for fixed steps: every other step of those that outputs are apart by, so that they cost no further
     ones."""
-    stops = np.append(outputs[(outputs > start) & (outputs < end)], end)
+    first = int(np.searchsorted(outputs, start, side="right"))
+    last = min(int(np.searchsorted(outputs, end)), first + count)  # each is one mesh point at least
+    stops = np.append(outputs[first:last], end)
     gaps = np.diff(stops, prepend=start)
     counts = np.maximum(1, np.ceil(gaps / (2.0 * step) - 1e-9)).astype(np.int64)
     reached = np.cumsum(counts)
@@ -122,8 +124,8 @@ def stepped(start: float, outputs: Vector, end: float, step: float, count: int) 
 
 def merged(mesh: Vector, outputs: Vector) -> tuple[Vector, Vector]:
     """Mesh points, moved onto outputs that are all but there, and both together up to the last one."""
-    outputs = outputs[outputs <= mesh[-1]]
-    if not len(outputs):
+    outputs = outputs[: np.searchsorted(outputs, mesh[-1], side="right")]
+    if not len(outputs) or np.array_equal(outputs, mesh):
         return mesh, mesh
     place = np.clip(np.searchsorted(outputs, mesh), 0, len(outputs) - 1)
     below = np.maximum(place - 1, 0)

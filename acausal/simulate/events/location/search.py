@@ -77,14 +77,23 @@ class _Seen:
     """Rows of one try at the mesh points: the start and up to two mesh points before it come first; `here` is the
     start's row.
 
-    `values` may be below zero by what guards that have just left it are off, `plain` may not.
+    `values` may be below zero by what guards that have just left it are off; `head` are those of the first rows, up to
+    which this is not zero, without. `least` are the lowest values behind the start, shape (guards,).
     """
 
     times: Vector
-    plain: Vector
+    head: Vector
     values: Vector
     judged: Vector
+    least: Vector
     here: int
+
+    def plain(self, first: int, last: int) -> Vector:
+        """Values of some rows that may not be below zero by anything; shape (rows, guards)."""
+        found = self.values[first:last].copy(order="K")
+        own = self.head[first:last]
+        found[: len(own)] = own
+        return found
 
 
 @dataclass
@@ -155,7 +164,7 @@ class Search:
             if not count:
                 self._failed(way, marks, piece.stopped)
                 continue
-            rows = np.arange(count) if asked.shares is not None else np.flatnonzero(np.isin(asked.times[:count], marks))
+            rows = self._looked(asked, count, marks)
             seen = self._seen(way, asked, piece, rows)
             found = self._suspicion(way, seen, piece, rows)
             # not the interval before a failure, whose other side is not known
@@ -312,35 +321,48 @@ class Search:
             if way.shrink < 1e-15:
                 raise RuntimeError(words)
 
+    def _looked(self, asked: Segment, count: int, marks: Vector) -> NDArray[np.int64]:
+        """Which of so many rows are mesh points."""
+        if asked.shares is not None or marks is asked.times:
+            return np.arange(count)
+        reached = marks[: np.searchsorted(marks, asked.times[count - 1], side="right")]
+        return np.searchsorted(asked.times[:count], reached)
+
     def _seen(self, way: _Way, asked: Segment, piece: Piece, rows: NDArray[np.int64]) -> _Seen:
-        moment = way.moment
+        moment, known = way.moment, len(way.times)
         times, plain = asked.times[rows], np.zeros((len(rows), len(way.band)))
         if moment.regime.active_set.owners and len(rows):
             x, z = (piece.x, piece.z) if len(rows) == piece.x.shape[1] else (piece.x[:, rows], piece.z[:, rows])
-            plain = self.guards.along(times, x, z, moment.m, moment.regime) + way.band
-        times, plain = np.append(way.times, times), np.vstack([way.values, plain])
+            plain = self.guards.along(times, x, z, moment.m, moment.regime)
+            if way.band.any():
+                plain = plain + way.band
+        times, values = np.append(way.times, times), np.vstack([way.values, plain])
         # those before, too: a jump of the allowance at the start of a try would look like a guard that turns back
-        values = plain + way.start.near(times)
-        if len(times) > len(way.times):
-            way.largest = np.maximum(way.largest, np.abs(values[len(way.times) :]).max(axis=0))
-        return _Seen(times, plain, values, way.start.judged(times, values), len(way.times) - 1)
+        near = way.start.near(times)
+        head, values[: len(near)] = values[: len(near)].copy(), values[: len(near)] + near
+        least = values[known:].min(axis=0, initial=np.inf)
+        if len(times) > known:
+            way.largest = np.maximum(way.largest, np.maximum(values[known:].max(axis=0), -least))
+        return _Seen(times, head, values, way.start.judged(times, values), least, known - 1)
 
     def _suspicion(self, way: _Way, seen: _Seen, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
         """The first interval, by the row where it begins, in which a guard is passed (True) or may be."""
         if not way.moment.regime.active_set.owners:
             return None
-        below: Truth = np.asarray((seen.values < 0.0).any(axis=1))
-        below[: seen.here + 1] = False
-        last = int(np.argmax(below)) if below.any() else len(below)
+        last, is_passed = len(seen.times), False
+        low = np.flatnonzero(~(seen.least >= 0.0))
+        if len(low):  # or nan
+            below = (seen.values[seen.here + 1 :, low] < 0.0).any(axis=1)
+            is_passed = bool(below.any())
+            last = seen.here + 1 + int(np.argmax(below)) if is_passed else last
         if len(way.closer) < _DEEPEST:
-            low = lowest(seen.times[: last + 1], seen.judged[: last + 1])
-            doubt = low < 0.0
-            doubt &= (seen.judged[: len(low)] >= 0.0) & (seen.judged[1 : len(low) + 1] >= 0.0)
-            doubt[: seen.here] = False
-            for row in np.flatnonzero(doubt.any(axis=1)):
-                if self._counts(way, seen, int(row), low[row], doubt[row], piece, rows):
-                    return int(row), False
-        return (last - 1, True) if last < len(below) else None
+            doubtful, bounds = lowest(seen.times[: last + 1], seen.judged[: last + 1])
+            doubt = (bounds < 0.0) & (seen.judged[doubtful] >= 0.0) & (seen.judged[doubtful + 1] >= 0.0)
+            for k in np.flatnonzero(doubt.any(axis=1) & (doubtful >= seen.here)):
+                row = int(doubtful[k])
+                if self._counts(way, seen, row, bounds[k], doubt[k], piece, rows):
+                    return row, False
+        return (last - 1, True) if is_passed else None
 
     def _counts(
         self, way: _Way, seen: _Seen, row: int, low: Vector, doubt: Truth, piece: Piece, rows: NDArray[np.int64]
@@ -403,7 +425,8 @@ class Search:
         times = asked.times[:keep]
         counters = dict(piece.counters)
         here = float(times[-1])
-        due = segment.times[segment.times <= here]
+        passed = int(np.searchsorted(segment.times, here, side="right"))
+        due = segment.times[:passed]
         x, z = self._rows(way, asked, piece, due, counters)
         if asked.shares is None:
             way.apart = replace(way.apart, start=here, x=piece.x[:, keep - 1])
@@ -417,12 +440,12 @@ class Search:
         if advance >= 1.0:
             way.since, way.steps = here, 0.0
         x, z = piece.x[:, keep - 1], piece.z[:, keep - 1]
-        way.segment = replace(segment, start=here, times=segment.times[segment.times > here], x=x, z=z)
+        way.segment = replace(segment, start=here, times=segment.times[passed:], x=x, z=z)
         if not way.moment.regime.active_set.owners:
             return
         # the last mesh points, for the parabolas
         last = int(np.searchsorted(seen.times, here)) + 1
-        way.times, way.values = seen.times[max(0, last - 3) : last], seen.plain[max(0, last - 3) : last]
+        way.times, way.values = seen.times[max(0, last - 3) : last], seen.plain(max(0, last - 3), last)
 
     def _is_located(self, way: _Way, seen: _Seen, row: int, width: float) -> bool:
         """Whether an interval in which a guard is passed is narrow enough for its root.
@@ -435,7 +458,7 @@ class Search:
         if len(way.closer) >= _DEEPEST or width <= _DIVISION * meshing.resolution(float(seen.times[row]), self.span):
             return True
         passed = seen.values[row + 1] < 0.0
-        if (passed & self._jumps(way, seen.plain[row : row + 2])).any():
+        if (passed & self._jumps(way, seen.plain(row, row + 2))).any():
             return False
         return not (float(seen.times[row]) == way.start.time and way.start.leaving[passed].all())
 
@@ -458,7 +481,7 @@ class Search:
         left, right = float(seen.times[row]), float(seen.times[row + 1])
         passed = np.flatnonzero(seen.values[row + 1] < 0.0)
         root, which = min((self._root(seen, row, int(k)), int(k)) for k in passed)
-        jumps = self._jumps(way, seen.plain[row : row + 2])
+        jumps = self._jumps(way, seen.plain(row, row + 2))
         counters: dict[str, float] = {}
         t, x, z = segment.start, segment.x, segment.z
         smallest, noise = meshing.resolution(root, self.span) / 16, way.largest
@@ -476,7 +499,7 @@ class Search:
                     z = on_equations(moment.regime.problem, there, x[:, None], z[:, None])[:, 0]
             at = replace(moment, x=x, z=z)
             distances, rate, noise = self.guards.state(t, at)
-            value = float((distances + way.band + way.start.near(np.array([t])))[0, which])
+            value = float((distances + way.band + way.start.near(np.array([t])).sum(axis=0))[which])
             if turn + 1 == _MOST_TURNS:
                 break
             if jumps[which] and value > 0.0:  # of another integration the end of rest is elsewhere
@@ -494,7 +517,7 @@ class Search:
                     break
                 step *= 4.0
             root = t + step
-        due = segment.times[segment.times < t]
+        due = segment.times[: np.searchsorted(segment.times, t)]
         earlier = self._rows(way, asked, piece, due, counters)
         self._grow(way, due, earlier[0])
         add_counters(counters, piece.counters)
