@@ -419,21 +419,22 @@ class _Known:
 
 
 def _priorities(flat: FlatSystem) -> list[int]:
-    priority = [0] * flat.n_scalars
-    ranks: dict[int, int] = {}
-    starts = flat.starts
+    """How gladly each scalar gives its name to those that are equal to it."""
+    priority = [-100] * flat.n_scalars
+    ranks: dict[int, tuple[int, bool]] = {}
+    starts, differentiated = flat.starts, set(flat.pool.integral_of.values())
     for v in flat.variables:
         d = v.declaration
-        rank = ranks.get(id(d))
-        if rank is None:
+        if id(d) not in ranks:
             rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
-            ranks[id(d)] = rank
-        if "." in v.path:
-            rank -= 1
+            ranks[id(d)] = rank, d.kind.value == "variable"
+        rank, internal = ranks[id(d)]
+        rank -= "." in v.path
         for k in range(v.first, v.first + v.size):
             own = rank + 4 if k in starts else rank
-            before = priority[k]
-            priority[k] = max(before, own) if before else own
+            if internal and k in differentiated:
+                own += 1  # the voltage of a capacitor rather than the potential of a pin
+            priority[k] = max(priority[k], own)
     for k in flat.inputs:
         priority[k] = 100
     return priority

@@ -277,3 +277,22 @@ def test_machines_run_up_to_where_the_emf_balances_the_voltage() -> None:
     assert r["mass.v"] == pytest.approx(12.0 / 5.0 * (1.0 - np.exp(-(5.0**2) * r.time / (2.0 * 3.0))), abs=1e-6)
     power = r["motor.v"] * r["motor.i"]
     assert power == pytest.approx(0.02 * r["rotor.a"] * r["rotor.w"], abs=1e-6)
+
+
+def test_a_state_has_the_name_of_what_is_differentiated() -> None:
+    """As users of Modelica expect: the voltage of the capacitor, not the pin whose potential is equal to it."""
+
+    class Filter(Component):
+        source: ConstantVoltage = ConstantVoltage(V=1.0)
+        resistor: Resistor = Resistor(R=10.0)
+        inductor: Inductor = Inductor(L=1e-3)
+        capacitor: Capacitor = Capacitor(C=1e-3)
+        ground: Ground = Ground()
+
+        def equations(self) -> Equations:
+            yield connect(self.source.p, self.resistor.p)
+            yield connect(self.resistor.n, self.inductor.p)
+            yield connect(self.inductor.n, self.capacitor.p)
+            yield connect(self.capacitor.n, self.source.n, self.ground.p)
+
+    assert set(acausal.compile(Filter()).states) == {"inductor.i", "capacitor.v"}
