@@ -64,7 +64,11 @@ class TimeSeries:
                 help="as many values as times, two at least",
             )
         for k in np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))[:1].tolist():
-            raise UsageError("AC044", f"{self.name}, row {k + 1}: {value[k]} at t = {time[k]} s is not finite")
+            raise UsageError(
+                "AC044",
+                f"{self.name}, row {k + 1}: {value[k]} at t = {time[k]} s is not finite",
+                help="leave out rows without a value; in data of a fit leave such a cell empty",
+            )
         back = np.flatnonzero(np.diff(time) < 0.0)
         triple = np.flatnonzero(time[2:] == time[:-2])
         for k in [*back[:1].tolist(), *triple[:1].tolist()]:

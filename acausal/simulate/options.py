@@ -208,7 +208,7 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked:
     missing = [n for n in compiled.inputs if n not in given and scalars[n] not in compiled.flat.starts]
     if unknown or missing:
         wanted = (missing or [*compiled.inputs, "u"])[0]
-        fact = f"input {missing[0]} has no value" if missing else f"there is no input '{unknown[0]}'"
+        fact = f"there is no input '{unknown[0]}'" if unknown else f"input {missing[0]} has no value"
         raise UsageError(
             "AC033",
             fact,

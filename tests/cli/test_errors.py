@@ -104,6 +104,7 @@ SILENT = [
     ("new", "mine.py"),
     ("export", "casadi", "Oscillator"),
     ("export", "c", "Oscillator"),
+    ("export", "c", "Oscillator", "-o", "build"),
     ("export", "step", "Oscillator"),
     ("plot", "o.mat", "mass.s"),
     ("explore", "o.mat"),
@@ -124,7 +125,7 @@ def test_quiet_leaves_what_was_asked_for_and_json_is_one_object(arguments: tuple
     told = run(*arguments, "--json")
     assert (told.code, told.err) == (0, "")
     assert all((folder / file).exists() for file in told.json.get("files", ()))
-    written = {p.name for p in folder.iterdir()} - {"o.mat"}
+    written = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} - {"o.mat"}
     assert written == set(told.json.get("files", ()))
 
 

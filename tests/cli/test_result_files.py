@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acausal.result.result import Result
+from acausal.result.result import Result, load
 from acausal.result.signals import Signal
 from tests.cli.running import run
 
@@ -47,6 +47,39 @@ def test_equal_results_agree() -> None:
     outcome = run("compare", "a.mat", "b.csv")
     assert outcome.code == 0, outcome.err
     assert "3 common signals" in outcome.out
+
+
+def test_a_smooth_signal_on_another_grid_agrees() -> None:
+    """sin 3t in rows 10 ms apart: a spline between them is off by h**4 f''''/384 = 2e-9 (de Boor 1978, chapter V)."""
+    _result().save("a.mat")
+    t = np.sort(np.random.default_rng(3).uniform(0.0, 2.0, 70))
+    Result("M", t, np.sin(3.0 * t)[:, None], {"a": Signal("a", "m", column=0)}).save("b.csv")
+    outcome = run("compare", "a.mat", "b.csv", "--tolerance", "1e-6")
+    assert outcome.code == 0, outcome.out
+
+
+def test_between_the_rows_of_a_corner_nothing_overshoots() -> None:
+    t = np.linspace(0.0, 2.0, 41)
+    ramp = np.clip(t / 0.73, 0.0, 1.0)
+    Result("M", t, ramp[:, None], {"a": Signal("a", column=0)}).save("a.npz")
+    between = np.asarray(load("a.npz").at(np.linspace(0.0, 2.0, 999), "a"))
+    assert between.min() >= 0.0
+    assert between.max() <= 1.0
+
+
+def test_what_cannot_be_compared_is_named() -> None:
+    _result().save("a.mat")
+    Path("kg.csv").write_text("time [s],a [kg]\n0,1\n1,1\n2,1\n")
+    Path("gap.csv").write_text("time [s],a [m]\n0,0\n1,nan\n2,0\n")
+    for arguments, code, word in (
+        (("kg.csv", "a.mat"), 2, "a: kg in kg, m in a"),
+        (("a.mat", "a.mat", "--tolerance", "nan"), 2, "--tolerance nan"),
+        (("a.mat", "a.mat", "--floor", "0"), 2, "--floor 0"),
+        (("gap.csv", "a.mat", "--tolerance", "10"), 3, "a is no number in one of the files at 1 s"),
+    ):
+        outcome = run("compare", *arguments)
+        assert outcome.code == code
+        assert word in outcome.out + outcome.err
 
 
 def test_deviation_is_relative_to_the_range() -> None:

@@ -28,6 +28,7 @@ class Lag(Component):
         ({"inputs": {"u": "abc"}}, "AC044", ("input u = 'abc'", "file.csv:column")),
         ({"inputs": {"u": [1.0, 2.0]}}, "AC044", ("input u = [1.0, 2.0]",)),
         ({"inputs": {"u": float("nan")}}, "AC033", ("input u = nan",)),
+        ({"inputs": {"v": 1.0}}, "AC033", ("no input 'v'", "inputs of")),  # not: u has no value
         ({"inputs": [1.0]}, "AC033", ("inputs is a list", "dictionary")),
         ({"stop_time": "long"}, "AC030", ("stop_time = 'long'",)),
         ({"tolerance": "fine"}, "AC030", ("tolerance = 'fine'",)),

@@ -86,11 +86,12 @@ def values_of(flag: str, given: Sequence[str] | None) -> dict[str, str]:
 def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
     """The number in `value`, in the declared unit where there is one; errors show `flag` and `text`."""
     if declared is not None and declared.unit:
-        return float(_as_usage(f"{flag} {text}", convert, value, declared.unit))
+        return float(as_usage(f"{flag} {text}", convert, value, declared.unit))
     try:
         return float(value)
     except ValueError as error:
-        raise UsageError("AC009", f"{flag} {text}: no number") from error
+        fact = "no number" if declared is not None else "no number, and the model declares no unit for this name"
+        raise UsageError("AC009", f"{flag} {text}: {fact}") from error
 
 
 def difference_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
@@ -107,7 +108,7 @@ def listed(texts: Sequence[str] | None) -> list[str]:
 
 def seconds_of(name: str, text: str | None) -> float | None:
     """A time option in seconds."""
-    return None if text is None else float(_as_usage(f"--{name.replace('_', '-')} {text}", convert, text, "s"))
+    return None if text is None else float(as_usage(f"--{name.replace('_', '-')} {text}", convert, text, "s"))
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,7 @@ def _values(model: Component, given: dict[str, str]) -> dict[str, object]:
             values[base] = _replaced(path, entries, index, _scalar(path, text, declaration), declaration.shape)
     for path, value in values.items():
         flat = value if isinstance(value, tuple) else (value,)
-        _as_usage(f"--set {path}", check_limits, path, declared[path][1], flat, path=path)
+        as_usage(f"--set {path}", check_limits, path, declared[path][1], flat, path=path)
     return {path: _nested(value, declared[path][1].shape) for path, value in values.items()}
 
 
@@ -219,10 +220,10 @@ def _value(path: str, text: str, declaration: Declaration) -> Any:
 
 
 def _scalar(path: str, text: str, declaration: Declaration) -> float:
-    return float(_as_usage(f"--set {path}", convert, text.strip(), declaration.unit, path=path))
+    return float(as_usage(f"--set {path}", convert, text.strip(), declaration.unit, path=path))
 
 
-def _as_usage(told: str, function: Any, *arguments: Any, path: str | None = None) -> Any:
+def as_usage(told: str, function: Any, *arguments: Any, path: str | None = None) -> Any:
     """The error about a value as one about the command line: the request is wrong, not the model."""
     try:
         return function(*arguments)

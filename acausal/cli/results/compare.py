@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,9 +14,10 @@ from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.settings import listed
 from acausal.cli.output.failure import OUT_OF_TOLERANCE
 from acausal.cli.output.report import record, remark, say, table
-from acausal.errors import UsageError, counted
+from acausal.errors import UnitError, UsageError, counted
 
 if TYPE_CHECKING:
+    from acausal.plot.scale import Scale
     from acausal.result.result import Result
     from acausal.result.signals import Array
 
@@ -72,6 +74,9 @@ def compare(
     """
     from acausal.result.result import load
 
+    for flag, number in (("--tolerance", tolerance), ("--floor", floor)):
+        if not 0.0 < number < math.inf:
+            raise UsageError("AC009", f"{flag} {number:g}: not a positive number", help=f"{flag} 1e-9")
     a, b = load(first), load(second)
     picture = plot_file or (second.with_suffix(".png") if plot else None)
     if picture is not None:
@@ -112,6 +117,9 @@ def compare(
             f"{counted(len(found), 'common signal')}, {alone} in one file only, compared at "
             f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
         )
+        for d in found[:count]:
+            if d.absolute == math.inf:
+                say(f"{d.name} is no number in one of the files at {d.time:.6g} s; leave out rows without a value")
         if short:
             covered, asked = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
             say(f"{second.name} covers {covered} the {asked} {first.name}: out of tolerance")
@@ -136,7 +144,6 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
     """
     import numpy as np
 
-    from acausal.plot.scale import same_unit
     from acausal.reduce.outputs import fitting
 
     names = [fit for name in wanted for fit in fitting(name, a.names) or [name]]
@@ -149,7 +156,7 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
     found = []
     either = _own_jumps(a, b)
     for name in common:
-        convert = same_unit(a.unit(name), b.unit(name))
+        convert = _conversion(name, a, b)
         x, (low, high) = np.asarray(a.at(times, name)), _between(a, times, name, either)
         other_low, other_high = map(convert, _between(b, times, name, either))
         difference = np.maximum(np.maximum(low - other_high, other_low - high), 0.0)
@@ -166,6 +173,17 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
             Deviation(name, float(difference[k]), float(difference[k]) / scale, float(times[k]), rms, a.unit(name))
         )
     return sorted(found, key=lambda d: -d.relative)
+
+
+def _conversion(name: str, a: Result, b: Result) -> Scale:
+    from acausal.plot.scale import same_unit
+
+    try:
+        return same_unit(a.unit(name), b.unit(name))
+    except UnitError as error:
+        fact = f"{name}: {a.unit(name)} in {a.model}, {b.unit(name)} in {b.model}"
+        help = "correct the unit in the first row of the file"
+        raise UsageError(error.code, fact, evidence=error.evidence, help=help) from error
 
 
 def is_shorter(a: Result, b: Result) -> bool:

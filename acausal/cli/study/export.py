@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -134,6 +135,8 @@ def c(
     made = _functions(prepare(find_model(model), settings or (), freed or ()), outputs, parameters, minimal, events)
     target = folder or Path()
     texts = made.source()
+    with suppress(OSError):  # said below, with the name of the file
+        target.mkdir(exist_ok=True)
     files = [target / name for name in texts]
     for file in files:
         check_writable(file)

@@ -17,7 +17,7 @@ from acausal.cli.arguments import options
 from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, starts_of
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import difference_in, listed, number_in, prepare, seconds_of
+from acausal.cli.arguments.settings import as_usage, difference_in, listed, number_in, prepare, seconds_of
 from acausal.cli.output.report import quantity, record, remark, say, seconds, table
 from acausal.cli.run.progress import ProgressBar
 from acausal.errors import UsageError, counted
@@ -267,7 +267,9 @@ def _variation(text: str, values: str, declared: Declaration | None) -> Any:
     if len(parts) in (2, 3):
         if len(parts) == 3 and not parts[2].strip().isdecimal():
             raise _unreadable(text)
-        return Range(number(parts[0]), number(parts[1]), int(parts[2]) if len(parts) == 3 else None, is_log)
+        count = int(parts[2]) if len(parts) == 3 else None
+        ends = number(parts[0]), number(parts[1])
+        return as_usage(f"--vary {text}", Range, *ends, count, is_log)
     if len(parts) > 3 or is_log:
         raise _unreadable(text)
     return [number(part) for part in values.split(",")]

@@ -179,7 +179,12 @@ def _make_unknowns(
             low, high = max(low, asked[0]), min(high, asked[1])
         guess = entries(name, (), given.get(name, present[name]), base.declaration.unit)[0]
         if not low <= guess <= high or low >= high:
-            raise UsageError("AC056", f"{name} begins at {guess:g}, which is not between its limits {low:g}, {high:g}")
+            told = f"{name} begins at {guess:g}, which is not between its limits {low:g}, {high:g}"
+            if low >= high:
+                told = f"no value of {name} lies between its limits {low:g} and {high:g}"
+            raise UsageError(
+                "AC056", told, help=f"give it another first value or other limits: parameters={{'{name}': ...}}"
+            )
         units.append(base.declaration.unit)
         rows.append((guess, low, high))
     return Unknowns(names, tuple(units), *np.array(rows, dtype=np.float64).T)
