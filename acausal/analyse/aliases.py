@@ -37,9 +37,6 @@ def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> Reduce
     return work.finish()
 
 
-_VARYING = frozenset(("var", "time", "sample", "initial", "infinitesimal", "terminal"))
-
-
 class _Aliases:
     """State of the elimination; each substitution may reveal new aliases, which the next sweep finds."""
 
@@ -272,29 +269,11 @@ class _Aliases:
             return pool.nodes[a[1]][1], 1 if op == "add" else -1, b[1]
         if a[0] == "var" and b[0] == "var":
             return a[1], 1 if op == "sub" else -1, b[1]
-        for this, other, other_node in ((a, b, node[2]), (b, a, node[1])):
-            if this[0] == "var" and self._is_known(other, other_node):
-                known: int = other_node
+        for this, other in ((a, node[2]), (b, node[1])):
+            if this[0] == "var" and pool.is_constant(other):
+                known: int = other
                 return this[1], 1, _Known(known if op == "sub" else pool.neg(known))
         return None, 1, None
-
-    def _is_known(self, node: tuple[Any, ...], number: int) -> bool:
-        if node[0] in ("const", "par"):
-            return True
-        if node[0] in _VARYING:
-            return False
-        nodes = self.pool.nodes
-        stack, seen = [number], {number}
-        while stack:  # ends at the first variable, nearly always immediately
-            for k in nodes[stack.pop()][1:]:
-                op = nodes[k][0]
-                if op in _VARYING:
-                    return False
-                # Without `seen`, shared expressions of parameters may have exponentially many paths.
-                if op != "const" and op != "par" and k not in seen:
-                    seen.add(k)
-                    stack.append(k)
-        return True
 
     def finish(self) -> ReducedSystem:
         """Translate the remaining equations into a new pool."""

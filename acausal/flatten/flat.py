@@ -17,7 +17,7 @@ from acausal.language.declarations.experiment import Experiment
 from acausal.language.declarations.misuse import Declared
 from acausal.language.events import Assertion, When
 from acausal.language.expressions.arrays import one_of
-from acausal.language.expressions.expression import Equation, Symbol, equation_text
+from acausal.language.expressions.expression import Equation, Symbol, equation_text, symbols_in
 from acausal.language.statement import Origin
 
 
@@ -292,17 +292,13 @@ class FlatSystem:
 def _written_for(equation: Equation) -> Component | None:
     """The component such that an equation contains only its symbols and those of its connectors; else None."""
     component: Component | None = None
-    stack = [equation.left, equation.right]
-    while stack:
-        e = stack.pop()
-        stack.extend(e.args)
-        if isinstance(e, Symbol):
-            owner: Component = e.owner
-            if isinstance(owner, Connector) and owner.__dict__["_owner"] is not None:
-                owner = owner.__dict__["_owner"][0]
-            if component is not None and owner is not component:
-                return None
-            component = owner
+    for symbol in symbols_in(equation.left, equation.right):
+        owner: Component = symbol.owner
+        if isinstance(owner, Connector) and owner.__dict__["_owner"] is not None:
+            owner = owner.__dict__["_owner"][0]
+        if component is not None and owner is not component:
+            return None
+        component = owner
     return component
 
 

@@ -16,7 +16,7 @@ from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.declarations.misuse import Declared, declared_at
 from acausal.language.expressions.dimensions import check_dimensions
-from acausal.language.expressions.expression import Equation, Expr, Shape, Symbol, shape_text
+from acausal.language.expressions.expression import Equation, Expr, Shape, Symbol, nodes, shape_text
 from acausal.language.statement import Origin
 from acausal.units import convert
 
@@ -294,20 +294,13 @@ def _missing(parameters: Sequence[tuple[Instance, str, Declaration]]) -> Declara
 
 def refuse_time(user: str, value: Expr, origin_of_value: Origin | Declared) -> None:
     """Raise DeclarationError AC135 when a value that must be constant depends on `time`."""
-    stack, seen = [value], {id(value)}
-    while stack:
-        e = stack.pop()
-        if e.op == "time":
-            raise DeclarationError(
-                "AC135",
-                f"{user} is bound to `{value}`, which varies in time",
-                where=(origin_of_value.span(),),
-                help="bind parameters and starts to numbers and parameters; a signal_input takes what varies",
-            )
-        for a in e.args:
-            if id(a) not in seen:
-                seen.add(id(a))
-                stack.append(a)
+    if any(e.op == "time" for e in nodes(value)):
+        raise DeclarationError(
+            "AC135",
+            f"{user} is bound to `{value}`, which varies in time",
+            where=(origin_of_value.span(),),
+            help="bind parameters and starts to numbers and parameters; a signal_input takes what varies",
+        )
 
 
 def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, ...]:

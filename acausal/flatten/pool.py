@@ -53,6 +53,7 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 }
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
+_VARYING = frozenset(("var", "time", "sample", "pre", "initial", "infinitesimal", "terminal"))
 IMPULSE = "impulse"
 """Operation of (velocity, its value after an impact): the value that a `when` assigns to the impulsive force."""
 _UNEVALUATED = frozenset(
@@ -170,10 +171,16 @@ class Pool:
 
     def is_constant(self, root: int) -> bool:
         """True for an expression of parameters alone, whose value is known before the run."""
-        return not any(
-            self.nodes[n][0] in ("var", "time", "sample", "pre", "initial", "infinitesimal", "terminal")
-            for n in self.reachable([root])
-        )
+        nodes, stack, seen = self.nodes, [root], {root}
+        while stack:  # ends at the first variable, nearly always immediately
+            op, *operands = nodes[stack.pop()]
+            if op in _VARYING:
+                return False
+            if op not in LEAVES:
+                new = [n for n in operands if n not in seen]
+                seen.update(new)
+                stack += new
+        return True
 
     def make(self, op: str, *args: int) -> int:
         """The node `op(args)`, simplified where that is exact for all values of the operands."""

@@ -129,19 +129,9 @@ class SamplePoints:
     def varies(self, node: int) -> bool:
         """True when the node depends on a variable or on time."""
         nodes, known = self.reduced.pool.nodes, self._varies
-        stack = [node]
-        while stack:
-            here = stack[-1]
+        for here in self.reduced.pool.reachable([node], known):
             op, *operands = nodes[here]
-            if op in LEAVES:
-                known[here] = op in ("var", "time")
-            elif here not in known:
-                missing = [c for c in operands if c not in known]
-                if missing:
-                    stack.extend(missing)
-                    continue
-                known[here] = any(known[c] for c in operands)
-            stack.pop()
+            known[here] = op in ("var", "time") if op in LEAVES else any(known[c] for c in operands)
         return known[node]
 
     def _value(self, node: int) -> Any:
@@ -152,23 +142,15 @@ class SamplePoints:
             "par": self.parameters.__getitem__,
             "time": lambda _: self._times,
         }
-        stack = [node]
         with np.errstate(all="ignore"):
-            while stack:
-                here = stack[-1]
+            for here in self.reduced.pool.reachable([node], known):
                 op, *operands = nodes[here]
                 if op == "const":
                     known[here] = operands[0]
                 elif op in LEAVES:
-                    value = leaves[op](operands[0] if operands else 0)
-                    known[here] = value
-                elif here not in known:
-                    missing = [c for c in operands if c not in known]
-                    if missing:
-                        stack.extend(missing)
-                        continue
+                    known[here] = leaves[op](operands[0] if operands else 0)
+                else:
                     known[here] = operation(op)(*[known[c] for c in operands])
-                stack.pop()
         return known[node]
 
     def _evaluate(self, variable: int) -> None:
@@ -278,22 +260,16 @@ def agrees(pool: Pool, node: int, values: dict[int, Any], rough: dict[int, Any])
 
     `values` holds it and every node below it; `rough` receives the values in single precision.
     """
-
-    def value(here: int, op: str, operands: list[int]) -> Any:
-        if _ends(op):
-            return np.asarray(values[here]).astype(np.float32)[()]
-        return operation(op)(*[rough[c] for c in operands])
-
     with np.errstate(all="ignore"):
-        _fill(pool, node, rough, _ends, value)
+        for here in pool.reachable([node], rough):
+            op, *operands = pool.nodes[here]
+            if op in LEAVES or isinstance(op, Call):  # an external function keeps its double precision
+                rough[here] = np.asarray(values[here]).astype(np.float32)[()]
+            else:
+                rough[here] = operation(op)(*[rough[c] for c in operands])
         found = np.asarray(rough[node])
         exact = np.asarray(values[node], dtype=float)
         return found.dtype == np.float32 and bool((np.abs(found - exact) < AGREES * np.abs(exact)).all())
-
-
-def _ends(op: str) -> bool:
-    """Whether an operation keeps its value in double precision: a leaf, or a call of an external function."""
-    return op in LEAVES or isinstance(op, Call)
 
 
 def is_significant(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:
@@ -302,34 +278,11 @@ def is_significant(pool: Pool, node: int, values: dict[int, Any], bounds: dict[i
     `values` holds it and every node below it; `bounds` receives the bounds of these nodes, each computed once as long
     as the values stay the same.
     """
-
-    def value(here: int, op: str, operands: list[int]) -> Any:
-        return _bound(op, operands, values[here], values, bounds)
-
     with np.errstate(all="ignore"):
-        _fill(pool, node, bounds, LEAVES.__contains__, value)
-        return np.asarray(np.abs(values[node]) > SIGNIFICANT * bounds[node])
-
-
-def _fill(
-    pool: Pool,
-    node: int,
-    done: dict[int, Any],
-    ends: Callable[[str], bool],
-    value: Callable[[int, str, list[int]], Any],
-) -> None:
-    """Enter a node and all nodes below it in `done`, operands first; an operation for which `ends` holds needs none."""
-    stack = [node]
-    while stack:
-        here = stack[-1]
-        if here not in done:
+        for here in pool.reachable([node], bounds):
             op, *operands = pool.nodes[here]
-            missing = [] if ends(op) else [c for c in operands if c not in done]
-            if missing:
-                stack.extend(missing)
-                continue
-            done[here] = value(here, op, operands)
-        stack.pop()
+            bounds[here] = _bound(op, operands, values[here], values, bounds)
+        return np.asarray(np.abs(values[node]) > SIGNIFICANT * bounds[node])
 
 
 def _bound(op: str, operands: list[int], y: Any, values: dict[int, Any], bounds: dict[int, Any]) -> Any:

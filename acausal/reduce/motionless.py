@@ -110,20 +110,9 @@ class _Propagation:
     def visit(self, root: int) -> None:
         """Evaluate all nodes below one that have not been."""
         nodes = self.pool.nodes
-        stack = [root]
-        while stack:
-            here = stack[-1]
-            if here in self.bounds:
-                stack.pop()
-                continue
+        for here in self.pool.reachable([root], self.bounds):
             node = nodes[here]
-            operands = () if node[0] in LEAVES else node[1:]
-            missing = [c for c in operands if c not in self.bounds]
-            if missing:
-                stack.extend(missing)
-                continue
-            stack.pop()
-            for c in operands:
+            for c in () if node[0] in LEAVES else node[1:]:
                 self.users.setdefault(c, []).append(here)
             self.order.append(here)
             self.evaluate(here)

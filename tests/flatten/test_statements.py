@@ -2,12 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 
 import acausal
-from acausal import Component, Connector, Equations, Real, connect, der, fixed, flow, part, pre, reset, variable, when
+from acausal import (
+    Component,
+    Connector,
+    Equations,
+    Real,
+    connect,
+    der,
+    discrete,
+    fixed,
+    flow,
+    parameter,
+    part,
+    pre,
+    reset,
+    sample,
+    variable,
+    when,
+)
 from acausal.errors import AcausalError
 from acausal.flatten.instances.statements import statements
 from acausal.language.expressions.expression import Equation
@@ -110,3 +128,27 @@ def test_composites_act_at_events() -> None:
     """x = exp(-t) falls below 0.5 once."""
     flat = acausal.flatten(Switch())
     assert len(flat.whens) == 1
+
+
+def test_a_part_that_occurs_twice_at_each_of_sixty_levels_is_visited_once() -> None:
+    """Sixty halvings of a sum of two equal terms have 2^60 paths to one symbol: checks along paths would never end."""
+
+    def halved(e: Any) -> Any:
+        for _ in range(60):
+            e = 0.5 * e + 0.5 * e
+        return e
+
+    class Shared(Component):
+        x: Real = variable(default=fixed(1.0))
+        T: Real = parameter(default=0.25)
+        y: Real = variable()
+        n: Real = discrete(default=0.0)
+
+        def equations(self) -> Equations:
+            yield der(self.x) == -self.x
+            yield self.y == der(halved(self.x) * self.x + halved(self.x))
+            yield when(sample(0.0, halved(self.T)), reset(self.n, pre(self.n) + 1.0))
+
+    result = acausal.simulate(Shared(), stop_time=1.1)
+    assert result.final("n") == 5.0
+    assert result.final("y") == pytest.approx(-2.0 * math.exp(-2.2) - math.exp(-1.1), rel=1e-5)

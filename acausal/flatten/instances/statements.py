@@ -6,7 +6,7 @@ The place of a statement is read from the frame of the generator that yields it,
 from __future__ import annotations
 
 import dis
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from functools import cache
 from types import CodeType
 from typing import Any
@@ -20,7 +20,7 @@ from acausal.language.declarations.misuse import called
 from acausal.language.events import Assertion, When
 from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.dimensions import check_dimensions
-from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_condition
+from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_condition, nodes
 from acausal.language.statement import RECORDING, Ledger, Origin, refuse_lost, refuse_unheard
 
 Statement = tuple[Any, Origin]
@@ -154,9 +154,7 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
         except DeclarationError as error:
             error.where = (origin.span(),)
             raise
-    stack, seen = [equation.left, equation.right], set()
-    while stack:
-        e = stack.pop()
+    for e in nodes(equation.left, equation.right):
         if e.op == "pre" and not is_discrete(e.args[0]):
             raise DeclarationError(
                 "AC146",
@@ -172,9 +170,6 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
             raise DeclarationError(
                 "AC144", f"`{e}`: {what}", where=(origin.span(),), evidence=[str(equation)], cause=cause, help=remedy
             )
-        if id(e) not in seen:
-            seen.add(id(e))
-            stack.extend(e.args)
 
 
 def _no_derivative(e: Expr) -> tuple[str, str, str] | None:
@@ -203,16 +198,13 @@ def _no_derivative(e: Expr) -> tuple[str, str, str] | None:
 
 def _jump(e: Expr) -> Expr | None:
     """A term that jumps, alone or with a constant factor; others may be continuous, as x sign(x) is."""
-    stack = [e]
-    while stack:
-        here = stack.pop()
-        if here.op in ("sign", "floor", "ceil"):
-            return here
-        if here.op in ("add", "sub", "neg"):
-            stack.extend(here.args)
-        elif here.op in ("mul", "div"):
-            stack.extend(a for a, other in (here.args, here.args[::-1]) if not _varies(other))
-    return None
+
+    def terms(e: Expr) -> Sequence[Expr]:
+        if e.op in ("add", "sub", "neg"):
+            return e.args
+        return [a for a, b in (e.args, e.args[::-1]) if not _varies(b)] if e.op in ("mul", "div") else ()
+
+    return next((here for here in nodes(e, into=terms) if here.op in ("sign", "floor", "ceil")), None)
 
 
 def _switching(e: Expr) -> Expr | None:
@@ -220,41 +212,30 @@ def _switching(e: Expr) -> Expr | None:
 
     The jumps of variables that are differentiated are seen when a run passes them (AC507, AC039).
     """
-    stack, seen = [] if isinstance(e, Symbol) or is_condition(e) else [e], set[int]()
-    while stack:
-        here = stack.pop()
+    if isinstance(e, Symbol) or is_condition(e):
+        return None
+    for here in nodes(e, into=lambda n: () if n.op in ("noevent", "where") else n.args):
         if here.op in ("sign", "floor", "ceil", "pre") or (here.op == "where" and not here.payload):
             return here
         if isinstance(here, Symbol) and here.declaration.discrete:
             return here
-        if id(here) not in seen and here.op not in ("noevent", "where"):
-            seen.add(id(here))
-            stack.extend(here.args)
     return None
 
 
 def _varies(e: Expr) -> bool:
-    stack = [e]
-    while stack:
-        here = stack.pop()
-        if here.op == "time" or (isinstance(here, Symbol) and here.declaration.kind is not Kind.PARAMETER):
-            return True
-        stack.extend(here.args)
-    return False
+    return any(n.op == "time" or (isinstance(n, Symbol) and n.declaration.kind is not Kind.PARAMETER) for n in nodes(e))
 
 
 def _piecewise_constant(e: Expr) -> Symbol | None:
     """A symbol of an expression that is constant between events; None if it varies."""
-    stack, found = [e], None
-    while stack:
-        here = stack.pop()
+    found = None
+    for here in nodes(e):
         if isinstance(here, Symbol):
-            found = here
+            found = here if found is None else found
             if not (here.declaration.discrete or here.declaration.kind is Kind.PARAMETER):
                 return None
         elif here.op in ("time", "call"):
             return None
-        stack.extend(here.args)
     return found
 
 

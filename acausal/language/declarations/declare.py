@@ -21,6 +21,7 @@ from acausal.language.expressions.expression import (
     as_expr,
     is_condition,
     is_truth,
+    nodes,
     shape_text,
 )
 from acausal.units import declared, format_dimension, parse
@@ -399,11 +400,5 @@ def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
 
 def _is_choice(e: Expr) -> bool:
     """Whether an expression is a possibly nested `where` whose values are all true or false."""
-    stack = [e]
-    while stack:
-        here = stack.pop()
-        if here.op == "where":
-            stack += here.args[1:]
-        elif not (is_truth(here) or is_condition(here)):
-            return False
-    return True
+    values = nodes(e, into=lambda n: n.args[1:] if n.op == "where" else ())
+    return all(n.op == "where" or is_truth(n) or is_condition(n) for n in values)

@@ -15,6 +15,7 @@ from acausal.language.expressions.expression import (
     as_expr,
     checked_condition,
     is_condition,
+    nodes,
     shape_error,
     shape_text,
     symbols_in,
@@ -23,20 +24,12 @@ from acausal.language.expressions.expression import (
 
 def is_discrete(e: Expr) -> bool:
     """True for an expression that changes at events only: discrete variables, relations, and functions of these."""
-    stack = [e]
-    seen: set[int] = set()
-    while stack:
-        here = stack.pop()
-        if id(here) in seen or here.op in CONDITIONS:
-            continue
-        seen.add(id(here))
-        if isinstance(here, Symbol):
-            if not here.declaration.discrete and here.declaration.kind.value != "parameter":
-                return False
-        elif here.op in ("time", "der", "delay", "noevent", "call"):
-            return False
-        stack.extend(here.args)
-    return True
+    return not any(
+        not here.declaration.discrete and here.declaration.kind.value != "parameter"
+        if isinstance(here, Symbol)
+        else here.op in ("time", "der", "delay", "noevent", "call")
+        for here in nodes(e, into=lambda n: () if n.op in CONDITIONS else n.args)
+    )
 
 
 def pre(x: Operand) -> Expr:
@@ -137,14 +130,11 @@ def sample(start: Operand, interval: Operand) -> Expr:
 
 def _varying(e: Expr) -> Expr | None:
     """A part of an expression that may change during a run; None if it consists of numbers and parameters."""
-    stack = [e]
-    while stack:
-        here = stack.pop()
+    for here in nodes(e):
         if isinstance(here, Symbol) and here.declaration.kind.value != "parameter":
             return here
         if here.op in ("time", "der", "delay", "call", "sample", "initial", "terminal"):
             return here
-        stack.extend(here.args)
     return None
 
 

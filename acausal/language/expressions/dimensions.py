@@ -21,7 +21,16 @@ from fractions import Fraction
 from typing import TypeAlias
 
 from acausal.errors import Span, UnitError
-from acausal.language.expressions.expression import CONDITIONS, RELATIONS, Equation, Expr, Symbol, symbols_in, to_text
+from acausal.language.expressions.expression import (
+    CONDITIONS,
+    RELATIONS,
+    Equation,
+    Expr,
+    Symbol,
+    nodes,
+    symbols_in,
+    to_text,
+)
 from acausal.units import DIMENSIONLESS, Dimension, divide, format_dimension, multiply, parse, power
 
 
@@ -78,7 +87,9 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
             )
     except _Mismatch as mismatch:
         symbols = symbols_in(equation.left, equation.right)
-        if not any(symbol.declaration.unit for symbol in symbols) and not _has_units(equation):
+        # an external function declares units, and a quantity has one
+        has_units = any(e.op in ("call", "quantity") for e in nodes(equation.left, equation.right))
+        if not has_units and not any(symbol.declaration.unit for symbol in symbols):
             return  # only `time` has a unit: in a model without units it counts as a number
         raise UnitError(
             "AC155",
@@ -88,21 +99,6 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
             cause="a factor is missing, two quantities are mixed up, or a number stands for a quantity",
             help=mismatch.help,
         ) from None
-
-
-def _nodes(*roots: Expr) -> Iterable[Expr]:
-    stack, seen = list(reversed(roots)), set[int]()
-    while stack:
-        e = stack.pop()
-        if id(e) not in seen:
-            seen.add(id(e))
-            yield e
-            stack.extend(reversed(e.args))
-
-
-def _has_units(equation: Equation) -> bool:
-    """True when the equation contains an external function, which declares units, or a number with a unit."""
-    return any(e.op in ("call", "quantity") for e in _nodes(equation.left, equation.right))
 
 
 def _dimension_of(e: Expr, known: dict[int, _Dimensional]) -> _Dimensional:
@@ -284,7 +280,7 @@ def _missing_factor(what: str, e: Expr, lacking: Dimension) -> str:
     remedy = f"{what} lacks a factor in {format_dimension(lacking)}"
     number, divides = _literal_factor(e)
     if number is None:
-        has_number = any(n.op == "const" and n.payload for n in _nodes(e))
+        has_number = any(n.op == "const" and n.payload for n in nodes(e))
         return f"{remedy}; {_NUMBERS}" if has_number else f"{remedy}: check the declared units"
     unit = format_dimension(divide(DIMENSIONLESS, lacking) if divides else lacking)
     return f"{remedy}; if the number {number} is in {unit}: {_with_unit(number, unit)}"

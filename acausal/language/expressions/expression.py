@@ -12,7 +12,7 @@ literal number adapts, because a scalar added to a vector of space is a mistake.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acausal.errors import DeclarationError
@@ -440,20 +440,23 @@ def shape_text(shape: Shape) -> str:
     return f"vector of {shape[0]}" if len(shape) == 1 else f"{shape[0]}x{shape[1]} matrix"
 
 
-def symbols_in(*roots: Expr) -> list[Symbol]:
-    """Symbols of expressions, each once, from left to right."""
-    found: list[Symbol] = []
-    seen: set[int] = set()
-    stack = list(reversed(roots))
+def nodes(*roots: Expr, into: Callable[[Expr], Sequence[Expr]] = operator.attrgetter("args")) -> Iterator[Expr]:
+    """Expressions and their operands, each once, from left to right; `into` tells which operands of one are visited.
+
+    Once, as a part that occurs in several operands may have exponentially many paths to it.
+    """
+    stack, seen = list(reversed(roots)), set[int]()
     while stack:
         e = stack.pop()
-        if id(e) in seen:
-            continue
-        seen.add(id(e))
-        if isinstance(e, Symbol):
-            found.append(e)
-        stack.extend(reversed(e.args))
-    return found
+        if id(e) not in seen:
+            seen.add(id(e))
+            yield e
+            stack.extend(reversed(into(e)))
+
+
+def symbols_in(*roots: Expr) -> list[Symbol]:
+    """Symbols of expressions, each once, from left to right."""
+    return [e for e in nodes(*roots) if isinstance(e, Symbol)]
 
 
 def shape_error(what: str, *args: Expr) -> DeclarationError:
