@@ -16,7 +16,7 @@ from acausal.analyse.events.time_events import TimeEvents
 from acausal.errors import Span
 from acausal.flatten.text import to_text
 from acausal.lower.build import Builder, Symbols
-from acausal.lower.events.impulses import struck
+from acausal.lower.events.impulses import impulses, struck
 from acausal.lower.events.round import round_of
 from acausal.lower.lowered import Lowered
 
@@ -100,7 +100,7 @@ class EventFunctions:
         strict = [next((j for j in t if self.ties[k] == 1), k) for k, t in enumerate(self.twins)]
         return tuple(texts[k] for k in strict)
 
-    @property
+    @cached_property
     def ties(self) -> tuple[int, ...]:
         """Truth of each relation where its sides are equal, 0 or 1; -1 for a kink that is only located."""
         events = self.compiled.state_events
@@ -126,6 +126,24 @@ class EventFunctions:
         """Place and component of the first statement that contains each relation."""
         compiled = self.compiled
         return tuple(origins(compiled.solution, compiled.state_events, compiled.delays, compiled.rewritten))
+
+    @cached_property
+    def resetting(self) -> tuple[frozenset[int], ...]:
+        """For each relation the numbers of the `when`s on it alone that reset something.
+
+        Not the clauses: these functions serve equal systems, whose clauses have other names.
+        """
+        found: dict[int, set[int]] = {}
+        for k, clause in enumerate(self.compiled.state_events.clauses):
+            if clause.actions and len(clause.conditions) == 1:
+                found.setdefault(clause.conditions[0], set()).add(k)
+        return tuple(frozenset(found.get(node, ())) for node in self.compiled.state_events.relations)
+
+    @cached_property
+    def struck_by(self) -> frozenset[int]:
+        """Relations on which such a `when` is an impulse."""
+        hits = {k for _, k in impulses(self.compiled)}
+        return frozenset(k for k, clauses in enumerate(self.resetting) if hits & clauses)
 
     def signed_at_rest(self, distances: Sequence[Any]) -> list[Any]:
         """Distances whose sign determines the relation, also at rest, where the sides stay equal.

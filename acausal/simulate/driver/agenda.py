@@ -19,7 +19,6 @@ from acausal.analyse.events.state_events import Clause
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
-from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.kinks import NONE, Kinks
 from acausal.simulate.events.errors import not_a_clock
@@ -97,10 +96,11 @@ def schedule(
     np.add.at(marks, first, 1.0)
     np.add.at(marks, last, -1.0)
     inside = np.cumsum(last - first)
-    middle = 0.5 * (a + b)
+    middle, modes = 0.5 * (a + b), functions_of(compiled).modes
+    timely = modes.few(len(middle), modes.function.numel_out(0), (middle[:, None], p))[:, : compiled.n_timely]
     return Schedule(
         instants,
-        inputs.into(compiled, rows(compiled.modes, (middle[:, None], p))[:, : compiled.n_timely], middle),
+        inputs.into(compiled, timely, middle),
         due(compiled, p, instants),
         np.insert(grid[np.cumsum(marks[:-1]) > 0.0], inside, b),
         inside + np.arange(1, len(b) + 1),

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
+from acausal.lower.compiled import CompiledModel
 from acausal.simulate.driver.agenda import Place, Schedule
 from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
@@ -75,6 +77,13 @@ def suits_event_loop(problem: Problem, solver: Solver) -> bool:
     )
 
 
+# What is said of events, by relations, clauses and states that have changed: all runs of a model have the same few.
+_KNOWN: WeakKeyDictionary[
+    CompiledModel, dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]]
+] = WeakKeyDictionary()
+_MOST_KNOWN = 10_000
+
+
 class EventLoop:
     """The compiled event loop of one run.
 
@@ -102,7 +111,9 @@ class EventLoop:
         self._empty = 0
         self._library: Library[EventLoopProgram] | None = None
         self._states = compiled.states
-        self._known: dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]] = {}
+        self._known = _KNOWN.setdefault(compiled, {})
+        if len(self._known) > _MOST_KNOWN:
+            self._known.clear()
         self._structure: EventLoopStructure | None = None
         wanted = schedule.longest, trace is not None, clears is not None
         shared = memory is not None and memory.suffices(*wanted)

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.analyse.events.time_events import TimeTable, time_tables
-from acausal.arrays import Vector
+from acausal.arrays import Truth, Vector
 from acausal.flatten.pool import LEAVES
 from acausal.lower.build import DefiningBuilder, Symbols
 from acausal.lower.compiled import CompiledModel
@@ -106,6 +106,12 @@ class FunctionCache:
             return self._observed[columns, blend]
 
     @cached_property
+    def reaches(self) -> Truth:
+        """Of each relation whether it holds where its sides are equal."""
+        nodes = self.compiled.solution.structure.reduced.pool.nodes
+        return np.array([nodes[n][0] in ("le", "ge") for n in self.compiled.state_events.relations], dtype=bool)
+
+    @cached_property
     def time_tables(self) -> tuple[TimeTable, ...]:
         """Long tables read at a time, on which something integrated or an event depends."""
         solution = self.compiled.solution
@@ -194,6 +200,5 @@ def functions_of(compiled: CompiledModel) -> FunctionCache:
 def truths(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
     """Each relation, 0 or 1; algebraic variables and other relations are those of `z` and `m`."""
     (distance,) = functions_of(compiled).distances(t, x, z, u, p, m)
-    nodes = compiled.solution.structure.reduced.pool.nodes
-    reaches = np.array([nodes[n][0] in ("le", "ge") for n in compiled.state_events.relations], dtype=bool)
+    reaches = functions_of(compiled).reaches
     return np.asarray((distance > 0) | ((distance == 0) & reaches), dtype=float)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from acausal.analyse.events.state_events import Clause
-from acausal.lower.events.impulses import impulses
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated
 from acausal.simulate.events.guards import INSTANT, Cause, Guards, Moment, as_one
@@ -82,14 +81,11 @@ class Bounces:
     resting: dict[int, Rest] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        size = len(self.problem.compiled.state_events.relations)
-        self.last = np.zeros(size)
-        self.crowd, self.impossible = np.zeros(size, dtype=np.int64), np.ones(size, dtype=np.int64)
-        for k in range(size):  # only what a `when` resets can come to rest: known here, compiled code need not ask
-            self.impossible[k] = not self._clauses(k)
+        self._clauses, self._struck = self.problem.compiled.events.resetting, self.problem.compiled.events.struck_by
+        self.last, self.crowd = np.zeros(len(self._clauses)), np.zeros(len(self._clauses), dtype=np.int64)
+        # only what a `when` resets can come to rest: known here, compiled code need not ask
+        self.impossible = np.array([not clauses for clauses in self._clauses], dtype=np.int64)
         self._ends: dict[int, list[float]] = {}
-        hits = {k for _, k in impulses(self.problem.compiled)}
-        self._struck = {k for k in range(size) if hits & self._clauses(k).keys()}
         self._regimes: dict[tuple[Hold, ...], Regime] = {}
 
     def begin(self, t: float) -> None:
@@ -113,7 +109,7 @@ class Bounces:
         """The moment with those of these relations held whose next flight would be lower than the noise."""
         moment, found = happened.moment, []
         for k in relations:
-            acts = not self._clauses(k).keys().isdisjoint(happened.acted)
+            acts = not self._clauses[k].isdisjoint(happened.acted)
             if self.impossible[k] or not acts:  # leaving the guard is no impact
                 continue
             flight = self._flight(t, left, moment, k)
@@ -137,12 +133,6 @@ class Bounces:
         held = {h.relation for h in regime.holds}
         self.resting = {k: rest for k, rest in self.resting.items() if k in held}
         return min(((rest.time, k) for k, rest in self.resting.items()), default=None)
-
-    def _clauses(self, relation: int) -> dict[int, Clause]:
-        """The `when`s on a relation alone that reset something, by their numbers."""
-        events = self.problem.compiled.state_events
-        node = events.relations[relation]
-        return {k: c for k, c in enumerate(events.clauses) if c.conditions == (node,) and c.actions}
 
     def _refuse_sinking(self, t: float, moment: Moment, relation: int, flight: _Flight) -> None:
         """AC502 where flights between impulses are lower than the noise, and something pulls what would sink in."""
@@ -183,7 +173,7 @@ class Bounces:
         m = after.m.copy()
         m[self.guards.first + relation] = left.m[self.guards.first + relation]
         possible = False
-        for clause in self._clauses(relation).values():
+        for clause in (self.problem.compiled.state_events.clauses[k] for k in sorted(self._clauses[relation])):
             for target, _ in clause.actions:
                 regime = self._regime(after.regime.free, (*after.regime.holds, Hold(relation, target)))
                 if not regime.active_set.is_possible:

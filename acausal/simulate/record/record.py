@@ -6,7 +6,7 @@ import logging
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import EllipsisType
 from weakref import WeakKeyDictionary
 
@@ -501,11 +501,17 @@ def event_log(
             found.append(Event(t, _of_time(t, instants), changed=changed))
             continue
         if id(causes) not in known:
-            where = next((c.where for c in causes if c.where is not None), None)
-            component = next((c.component for c in causes if c.component), "")
-            known[id(causes)] = "; ".join(dict.fromkeys(c.text for c in causes if c.text)), where, component
+            known[id(causes)] = _told(causes)
         found.append(Event(t, *known[id(causes)], changed))
     return tuple(found)
+
+
+@lru_cache(1024)
+def _told(causes: tuple[Cause, ...]) -> tuple[str, Span | None, str]:
+    """Words, place and component of what happened."""
+    where = next((c.where for c in causes if c.where is not None), None)
+    component = next((c.component for c in causes if c.component), "")
+    return "; ".join(dict.fromkeys(c.text for c in causes if c.text)), where, component
 
 
 def _of_time(t: float, instants: Vector) -> str:
