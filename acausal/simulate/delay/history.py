@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.simulate.equations.chebyshev import value
+from acausal.lower.chebyshev import value
 
 
 class Panel(NamedTuple):

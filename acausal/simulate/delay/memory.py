@@ -17,6 +17,7 @@ import numpy as np
 from acausal.analyse.delays import DEGREE, WIDTH, Delay
 from acausal.arrays import Vector
 from acausal.errors import UsageError
+from acausal.lower.chebyshev import between, fitted, tail
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.delay.errors import changed_kind, out_of_bounds, vanished
@@ -24,7 +25,6 @@ from acausal.simulate.delay.history import History, Panel
 from acausal.simulate.delay.recording import Recording
 from acausal.simulate.driver.agenda import TooFar
 from acausal.simulate.equations.calls.buffered import rows
-from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.record.record import Recorder

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.lower.chebyshev import between, fitted, tail
 from acausal.simulate.delay.history import Panel
-from acausal.simulate.equations.chebyshev import between, fitted, tail
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers.segment import Piece, Segment
 

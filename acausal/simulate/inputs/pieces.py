@@ -15,8 +15,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import UsageError
-from acausal.lower.chebyshev import INPUT_DEGREE, INPUT_WIDTH
-from acausal.simulate.equations.chebyshev import between, fitted, value
+from acausal.lower.chebyshev import INPUT_DEGREE, INPUT_WIDTH, between, fitted, value
 
 Signal = Callable[[Vector], Vector]
 # Pieces in which a function is looked at first: a pulse of a thousandth of the run is seen.
