@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from acausal.analyse.events.time_events import is_of_time
-from acausal.flatten.pool import LEAVES, RELATIONS, Pool
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool, closure
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup, lookup
 
@@ -39,17 +39,9 @@ def jumping_tables(pool: Pool, numbers: Iterable[int], definitions: Mapping[int,
 
 def _moves(pool: Pool, root: int) -> bool:
     """Whether a node changes between events; discrete variables count as moving."""
-    seen: set[int] = set()
-    stack = [root]
-    while stack:
-        number = stack.pop()
-        op, *operands = pool.nodes[number]
-        if op in ("var", "time"):
-            return True
-        if number not in seen and op not in LEAVES and op not in _CONSTANT:
-            seen.add(number)
-            stack += operands
-    return False
+    nodes, ends = pool.nodes, LEAVES | _CONSTANT
+    below = closure([root], lambda n: () if nodes[n][0] in ends else nodes[n][1:])
+    return any(nodes[n][0] in ("var", "time") for n in below)
 
 
 def on_segment(pool: Pool, table: Lookup, argument: int, segment: int) -> int:

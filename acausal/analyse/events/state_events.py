@@ -22,7 +22,7 @@ from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.time_events import TimeEvents, segment_number
 from acausal.analyse.events.underflow import without_underflow
 from acausal.errors import Span, StructureError
-from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool
+from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool, closure
 from acausal.flatten.reduced import ReducedSystem
 from acausal.numeric.evaluate import values
 
@@ -330,16 +330,8 @@ def _eventful(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) 
 
 def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
     """All nodes below `roots` that are not below a `no_event`."""
-    seen: set[int] = set()
-    stack = list(roots)
-    while stack:
-        number = stack.pop()
-        if number not in seen:
-            seen.add(number)
-            node = pool.nodes[number]
-            if node[0] not in LEAVES and node[0] != "noevent":
-                stack.extend(node[1:])
-    return sorted(seen)
+    nodes = pool.nodes
+    return sorted(closure(roots, lambda n: () if nodes[n][0] in LEAVES or nodes[n][0] == "noevent" else nodes[n][1:]))
 
 
 def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: frozenset[int]) -> dict[str, set[int]]:
