@@ -9,7 +9,6 @@ from acausal.flatten.connections.connections import FlowSet
 from acausal.flatten.flat import FlatEquation
 from acausal.flatten.instances.instances import Instance
 from acausal.flatten.pool import Pool
-from acausal.flatten.terms import terms
 from acausal.language.component import Connector
 from acausal.language.declarations.declaration import Kind
 
@@ -56,13 +55,24 @@ def _zeros(pool: Pool, equations: Sequence[FlatEquation], zeros: set[int]) -> se
     while True:
         before = len(known)
         for e in equations:
-            both = *terms(pool, e.left), *terms(pool, e.right)
-            left = [t for t, _ in both if not _vanishes(pool, t, known)]
+            left = [t for t in (*_terms(pool, e.left), *_terms(pool, e.right)) if not _vanishes(pool, t, known)]
             variable = _alone(pool, left[0]) if len(left) == 1 else None
             if variable is not None:
                 known.add(variable)
         if len(known) == before:
             return known
+
+
+def _terms(pool: Pool, node: int) -> Iterator[int]:
+    """Terms of a sum, without their signs."""
+    stack = [node]
+    while stack:
+        here = stack.pop()
+        op, *operands = pool.nodes[here]
+        if op in ("add", "sub", "neg"):
+            stack.extend(operands)
+        else:
+            yield here
 
 
 def _vanishes(pool: Pool, node: int, known: set[int]) -> bool:

@@ -440,18 +440,18 @@ def shape_text(shape: Shape) -> str:
     return f"vector of {shape[0]}" if len(shape) == 1 else f"{shape[0]}x{shape[1]} matrix"
 
 
-def nodes(*roots: Expr, into: Callable[[Expr], Sequence[Expr]] = operator.attrgetter("args")) -> Iterator[Expr]:
+def nodes(*roots: Expr, into: Callable[[Expr], Sequence[Expr]] = operator.attrgetter("args")) -> list[Expr]:
     """Expressions and their operands, each once, from left to right; `into` tells which operands of one are visited.
 
     Once, as a part that occurs in several operands may have exponentially many paths to it.
     """
-    stack, seen = list(reversed(roots)), set[int]()
+    stack, found = list(reversed(roots)), dict[int, Expr]()
     while stack:
         e = stack.pop()
-        if id(e) not in seen:
-            seen.add(id(e))
-            yield e
+        if id(e) not in found:
+            found[id(e)] = e
             stack.extend(reversed(into(e)))
+    return list(found.values())
 
 
 def symbols_in(*roots: Expr) -> list[Symbol]:
