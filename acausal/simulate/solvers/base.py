@@ -310,23 +310,25 @@ def pace(start: float, end: float, counters: Mapping[str, float]) -> float:
 _EVALUATIONS = "nfevals", "n_rhs", "n_call_daeF"
 
 
-def counted(stats: dict[str, Any]) -> dict[str, float]:
+def counted(stats: Mapping[str, Any]) -> dict[str, float]:
     """The solver's own counters under common names."""
-    names = {
-        "steps": ("nsteps", "n_steps"),
-        "rhs_evaluations": _EVALUATIONS,
-        "jacobians": ("n_jac", "n_call_jacF"),
-        "factorisations": ("nlinsetups",),
-        "rejected": ("netfails", "n_reject"),
-        "newton_failures": ("nncfails",),
-        # seconds; CasADi freezes the output times in an integrator, so each segment makes its own
-        "making": ("making",),
-    }
-    return {
-        name: next(float(stats[k]) for k in keys if k in stats)
-        for name, keys in names.items()
-        if any(k in stats for k in keys)
-    }
+    return {name: float(stats[key]) for key, name in _COUNTED.items() if key in stats}
+
+
+# Of each solver's names what they are called here; where several of a call are there, the last of them counts.
+_COUNTED = {
+    "n_steps": "steps",
+    "nsteps": "steps",
+    **dict.fromkeys(reversed(_EVALUATIONS), "rhs_evaluations"),
+    "n_call_jacF": "jacobians",
+    "n_jac": "jacobians",
+    "nlinsetups": "factorisations",
+    "n_reject": "rejected",
+    "netfails": "rejected",
+    "nncfails": "newton_failures",
+    # seconds; CasADi freezes the output times in an integrator, so each segment makes its own
+    "making": "making",
+}
 
 
 # CasADi's interfaces to IDAS and CVODES return what they have when the next output is less than this far [s] from the

@@ -21,7 +21,7 @@ _FINE, _COARSE, _FEWEST = 8, 6, 4
 # Errors at the mesh points grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
 _LARGEST = 16.0
 # Instants that are worth a look for those near zero, and how many are looked at together.
-_MANY, _BLOCK = 500, 64
+_MANY, _BLOCK = 250, 64
 
 
 def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tuple[Vector, Truth]:
@@ -104,16 +104,19 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
 
     `g` has shape (n + 1, guards). Where there are many instants, blocks of them in which a guard moves by less than it
     is away from zero are not looked at, and its bounds are inf: with the largest change r between neighbours and the
-    largest ratio q of two intervals, parabolas and lines of `_bounds` go below the least value by no more than q**2 r.
+    largest ratio q of two intervals that meet, parabolas of `_bounds` go below the least value by no more than 3/4 q r,
+    and lines by no more than q r.
     """
     if len(g) < _MANY:
         return np.arange(len(g) - 1), _bounds(times, g)
     starts = np.arange(0, len(g) - 1, _BLOCK)
     h = np.diff(times)
-    uneven = _around(np.maximum, h, starts) / _around(np.minimum, h, starts)
+    uneven = np.ones(len(h))
+    uneven[1:] = np.maximum(h[1:] / h[:-1], h[:-1] / h[1:])
+    ratio = _around(np.maximum, uneven, starts)[:, None]
     least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
     with np.errstate(invalid="ignore"):  # nan is near
-        near = ~(least > (uneven**2)[:, None] * (most - least))
+        near = ~(least > ratio * (most - least))
     ends = np.flatnonzero(np.diff(near.any(axis=1), prepend=False, append=False)).reshape(-1, 2)
     rows, found = [np.zeros(0, dtype=np.intp)], [np.zeros((0, g.shape[1]))]
     for first, last in ends.tolist():
@@ -154,7 +157,7 @@ def _bounds(times: Vector, g: Vector) -> Vector:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # beyond a pole nothing is known: nan
         rise = b - a
         curve = np.diff(rise / h, axis=0) / (h[1:] + h[:-1])
-        left, right = np.vstack([curve[:1], curve]), np.vstack([curve, curve[-1:]])
+        left, right = np.concatenate([curve[:1], curve]), np.concatenate([curve, curve[-1:]])
         # a + rise*s - depth*s*(1 - s) for s from 0 to 1
         depth = h * h * (np.maximum(np.maximum(left, right), 0.0) + np.abs(left - right))
         s = np.where(depth > np.abs(rise), 0.5 * (1.0 - rise / depth), np.where(rise > 0, 0.0, 1.0))
@@ -164,7 +167,7 @@ def _bounds(times: Vector, g: Vector) -> Vector:
 
 def _meeting(g: Vector, h: Vector, slope: Vector) -> Vector:
     """Where the lines through the neighbours of each interval meet in it, inf where they do not."""
-    before, behind = np.vstack([-slope[1:2], slope[:-1]]), np.vstack([slope[1:], -slope[-2:-1]])
+    before, behind = np.concatenate([-slope[1:2], slope[:-1]]), np.concatenate([slope[1:], -slope[-2:-1]])
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (behind - slope) / (behind - before)
         inside = (before < 0.0) & (behind > 0.0) & (s >= 0.0) & (s <= 1.0)
@@ -189,6 +192,10 @@ class LeftGuards:
     def is_left(self) -> bool:
         """Whether there are such guards."""
         return bool(self.leaving.any())
+
+    @cached_property
+    def _nothing(self) -> Vector:
+        return np.zeros((0, len(self.noises)))
 
     @cached_property
     def _until(self) -> float:

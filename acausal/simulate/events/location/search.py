@@ -336,10 +336,11 @@ class Search:
             plain = self.guards.along(times, x, z, moment.m, moment.regime)
             if way.band.any():
                 plain = plain + way.band
-        times, values = np.append(way.times, times), np.vstack([way.values, plain])
+        times, values = np.concatenate([way.times, times]), np.concatenate([way.values, plain])
         # those before, too: a jump of the allowance at the start of a try would look like a guard that turns back
         near = way.start.near(times)
-        head, values[: len(near)] = values[: len(near)].copy(), values[: len(near)] + near
+        head = values[: len(near)].copy()
+        values[: len(near)] += near
         least = values[known:].min(axis=0, initial=np.inf)
         if len(times) > known:
             way.largest = np.maximum(way.largest, np.maximum(values[known:].max(axis=0), -least))
@@ -576,7 +577,7 @@ class Search:
     def _grow(self, way: _Way, times: Vector, x: Vector) -> None:
         """The integrals that act on nothing, into states at some times behind the last ones that were asked for."""
         problem = way.moment.regime.problem
-        if not problem.compiled.quadratures:
+        if not problem.compiled.quadratures or not len(times):
             return
         own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
         later = times > way.apart.start
