@@ -20,7 +20,6 @@ from acausal.errors import StructureError
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.flatten.reduced import ReducedSystem
 from acausal.flatten.terms import SUMS
-from acausal.flatten.text import to_text
 from acausal.structure import Block, Incidence, match, stays_matched
 from acausal.structure.graph import IntArray
 
@@ -199,11 +198,8 @@ def _refusal(reduced: ReducedSystem, source: int, block: Block, modes: Modes) ->
     flat, pool = reduced.flat, reduced.pool
     equation = flat.equations[source]
 
-    def name_of(kind: str, k: int) -> str:
-        return reduced.name(k) if kind == "var" else flat.parameter_names[k]
-
     shown = dict(_worded(pool, n, holds) for n, holds in modes.items())
-    texts = [f"`{to_text(pool, n, name_of, 80)}`{'' if holds else ' is false'}" for n, holds in shown.items()]
+    texts = [f"`{reduced.text(n)}`{'' if holds else ' is false'}" for n, holds in shown.items()]
     when = " and ".join(texts)
     names = listed((reduced.name(v) for v in block.columns), 3)
     return StructureError(

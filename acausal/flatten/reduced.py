@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.pool import Pool
+from acausal.flatten.text import to_text
 
 
 class ReducedWhen(NamedTuple):
@@ -80,6 +81,20 @@ class ReducedSystem:
         if variable < len(self.scalar):
             return self.flat.scalar_name(self.scalar[variable])
         return f"der({self.name(self.pool.integral_of[variable])})"
+
+    def leaf_name(self, op: str, k: int) -> str:
+        """Name of variable or of parameter k, by the operation of its node, "var" or "par".
+
+        Behind the parameters of the model there may be one of the compiler's.
+        """
+        if op == "var":
+            return self.name(k)
+        names = self.flat.parameter_names
+        return names[k] if k < len(names) else "stabilisation.rate"
+
+    def text(self, node: int, limit: int = 80) -> str:
+        """An expression with the names of variables and parameters; about `limit` characters of it."""
+        return to_text(self.pool, node, self.leaf_name, limit)
 
     @cached_property
     def aliases(self) -> dict[int, list[int]]:

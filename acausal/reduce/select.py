@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import StructureError
 from acausal.flatten.reduced import ReducedSystem
-from acausal.flatten.text import to_text
 from acausal.reduce.cone import restrict
 from acausal.reduce.fold import fold, resolved
 from acausal.reduce.motionless import Constants, constants
@@ -95,20 +94,13 @@ def _varies(reduced: ReducedSystem, node: int) -> bool:
 
 def _constant(solution: Solution, found: Constants) -> list[Left]:
     reduced = solution.structure.reduced
-    pool = reduced.pool
-
-    def name_of(op: str, k: int) -> str:
-        names = reduced.flat.parameter_names
-        return (names[k] if k < len(names) else "stabilisation.rate") if op == "par" else reduced.name(k)
-
     left = [
-        Left("motionless", reduced.name(x), f"stays at {to_text(pool, found.variables[x], name_of, 80)}")
+        Left("motionless", reduced.name(x), f"stays at {reduced.text(found.variables[x])}")
         for x in solution.structure.states
         if x in found.variables
     ]
     for number, holds in found.relations.items():
-        text = to_text(pool, number, name_of, 80)
-        left.append(Left("relation", text, "always holds" if holds else "never holds"))
+        left.append(Left("relation", reduced.text(number), "always holds" if holds else "never holds"))
     return left
 
 

@@ -10,7 +10,7 @@ import typer
 from acausal.cli.arguments import options
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
-from acausal.cli.models.names import flat_names, reduced_names
+from acausal.cli.models.names import flat_names
 from acausal.cli.output.report import place, record, say
 from acausal.errors import counted
 
@@ -119,9 +119,8 @@ def _residual(pool: Pool, node: int, names: Any) -> str:
 
 def reduced_sections(reduced: ReducedSystem) -> Sections:
     """Remaining equations, aliases by representative, eliminated constants, and equations that follow from others."""
-    from acausal.flatten.text import to_text
 
-    flat, pool, names = reduced.flat, reduced.pool, reduced_names(reduced)
+    flat, pool, names = reduced.flat, reduced.pool, reduced.leaf_name
     remaining = [
         _entry(_residual(pool, r, names), flat.equations[k])
         for r, k in zip(reduced.residuals, reduced.equation, strict=True)
@@ -140,7 +139,7 @@ def reduced_sections(reduced: ReducedSystem) -> Sections:
     for scalar, node in enumerate(reduced.image):
         inner = pool.nodes[node][1] if pool.nodes[node][0] == "neg" else node
         if pool.nodes[inner][0] != "var":
-            known.append({"text": f"{flat.scalar_name(scalar)} = {to_text(pool, node, names, 200)}"})
+            known.append({"text": f"{flat.scalar_name(scalar)} = {reduced.text(node, 200)}"})
     redundant = [
         _entry(flat.text(flat.equations[k]), flat.equations[k]) for k in reduced.redundant if k < len(flat.equations)
     ]
@@ -167,7 +166,7 @@ def structure_sections(structure: Structure) -> Sections:
     from acausal.lower.report import state_reason
 
     reduced = structure.reduced
-    names = reduced_names(reduced)
+    names = reduced.leaf_name
     flat = reduced.flat
     differentiated = [
         _entry(_residual(reduced.pool, structure.residuals[new], names), flat.equations[structure.flat_equation(new)])
@@ -210,11 +209,10 @@ def _listed(reduced: ReducedSystem, variables: tuple[int, ...], limit: int = 12)
 
 def block_sections(solution: Solution) -> Sections:
     """Blocks in the order they are solved."""
-    from acausal.flatten.text import to_text
 
     structure = solution.structure
     reduced = structure.reduced
-    names = reduced_names(reduced)
+    names = reduced.leaf_name
     node_of = dict(solution.definitions)
     order = {v: k for k, (v, _) in enumerate(solution.definitions)}
     residuals = iter(solution.residuals)
@@ -223,7 +221,7 @@ def block_sections(solution: Solution) -> Sections:
         size = len(report.unknowns)
         head = f"block {number}: {report.kind}" + (f", {size} unknowns" if size > 1 else "")
         lines = [
-            f"{reduced.name(v)} = {to_text(reduced.pool, node_of[v], names)}"
+            f"{reduced.name(v)} = {reduced.text(node_of[v], 400)}"
             for v in sorted((u for u in report.unknowns if u in node_of), key=order.__getitem__)
         ]
         if report.iterated:

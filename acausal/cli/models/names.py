@@ -17,13 +17,6 @@ def flat_names(flat: FlatSystem) -> NameOf:
     return lambda op, k: flat.parameter_names[k] if op == "par" else flat.scalar_name(k)
 
 
-def reduced_names(reduced: ReducedSystem) -> NameOf:
-    """Names in the reduced system's pool."""
-    own = reduced.flat.parameter_names
-    # The compiler's own parameter stands behind those of the model.
-    return lambda op, k: (own[k] if k < len(own) else "stabilisation.rate") if op == "par" else reduced.name(k)
-
-
 def unit_of(reduced: ReducedSystem, variable: int) -> str:
     """Declared unit of a reduced variable; a derivative made by the compiler has none declared."""
     if variable < len(reduced.scalar) and reduced.scalar[variable] not in reduced.flat.pool.integral_of:

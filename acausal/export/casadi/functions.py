@@ -29,7 +29,6 @@ from acausal.export.ports import Output, named_outputs, output_ports, parameter_
 from acausal.export.start_point import StartPoint, init_function, start_point
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import Method
-from acausal.flatten.text import to_text
 from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.lower.compiled import CompiledModel
@@ -282,13 +281,9 @@ def _clocks(compiled: CompiledModel) -> Any:
 
 def _modes(compiled: CompiledModel, begin: StartPoint) -> Ports:
     reduced = compiled.solution.structure.reduced
-
-    def name_of(kind: str, k: int) -> str:
-        return reduced.name(k) if kind == "var" else compiled.parameters[k]
-
     found = [Port("")] * compiled.n_modes
     for j, node in zip(compiled.mode_places, compiled.mode_nodes, strict=True):
         op = reduced.pool.nodes[node][0]
         doc = "What is remembered of the last event" if op == "pre" else "1 where this holds"
-        found[j] = Port(to_text(reduced.pool, node, name_of, 80), "", doc, float(begin.m[j]))
+        found[j] = Port(reduced.text(node), "", doc, float(begin.m[j]))
     return Ports(found)

@@ -19,7 +19,6 @@ from acausal.arrays import Vector
 from acausal.errors import ExportError
 from acausal.export.sensitivity.chain import Chain
 from acausal.flatten.pool import RELATIONS
-from acausal.flatten.text import to_text
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import NarrowFunction
@@ -167,10 +166,6 @@ def _build(compiled: CompiledModel) -> _Sides | None:
     for n in found:
         both = builder.lower(builder.replaced(pool.nodes[n][1:]))
         values.append(both[0] - both[1] if len(both) == 2 else both[0])
-
-    def name_of(kind: str, k: int) -> str:
-        return reduced.name(k) if kind == "var" else compiled.parameters[k]
-
-    texts = tuple(to_text(pool, n, name_of, _WIDTH) for n in found)
+    texts = tuple(reduced.text(n, _WIDTH) for n in found)
     steps = np.array([pool.nodes[n][0] in ("floor", "ceil") for n in found])
     return _Sides(NarrowFunction("sides", symbols.inputs, ca.densify(ca.vertcat(*values))), steps, texts)

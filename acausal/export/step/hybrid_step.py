@@ -32,7 +32,6 @@ from acausal.export.step.defect import largest
 from acausal.export.step.event_step import Settling, any_of
 from acausal.export.step.methods import IMPLICIT, Method
 from acausal.export.step.timely import TICK, ticks, timely
-from acausal.flatten.text import to_text
 from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port
 from acausal.lower.compiled import CompiledModel
@@ -97,13 +96,9 @@ class HybridStep:
         """Ports of the modes in x, with their start values from `m`, shape (nm,)."""
         compiled, reduced = self.compiled, self.compiled.solution.structure.reduced
         place = dict(zip(compiled.mode_places, compiled.mode_nodes, strict=True))
-
-        def name_of(kind: str, k: int) -> str:
-            return reduced.name(k) if kind == "var" else compiled.parameters[k]
-
         found = []
         for j in self.kept:
-            text = to_text(reduced.pool, place[j], name_of, 80)
+            text = reduced.text(place[j])
             doc = "What is remembered of the last event" if j < self.settling.memories.stop else "1 where this holds"
             found.append(Port(text, "", doc, float(m[j])))
         return found

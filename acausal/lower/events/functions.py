@@ -14,7 +14,6 @@ import casadi as ca
 from acausal.analyse.events.state_events import origins
 from acausal.analyse.events.time_events import TimeEvents
 from acausal.errors import Span
-from acausal.flatten.text import to_text
 from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import impulses, struck
 from acausal.lower.events.round import round_of
@@ -91,12 +90,7 @@ class EventFunctions:
     def texts(self) -> tuple[str, ...]:
         """Texts of the relations for messages; twins have one text, that of the strict relation."""
         reduced = self.compiled.solution.structure.reduced
-
-        def name_of(kind: str, k: int) -> str:
-            return reduced.name(k) if kind == "var" else self.compiled.parameters[k]
-
-        numbers = self.compiled.state_events.relations
-        texts = [to_text(self._pool, n, name_of, 80) for n in numbers]
+        texts = [reduced.text(n) for n in self.compiled.state_events.relations]
         strict = [next((j for j in t if self.ties[k] == 1), k) for k, t in enumerate(self.twins)]
         return tuple(texts[k] for k in strict)
 

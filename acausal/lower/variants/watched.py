@@ -11,7 +11,6 @@ from acausal.analyse.events.located_kinks import MOST, LocatedKinks, located_kin
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.time_events import stretch_numbers
 from acausal.flatten.pool import RELATIONS
-from acausal.flatten.text import to_text
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.subsystems.partition import system_of
@@ -108,16 +107,13 @@ def _lowered(
 def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
     reduced = compiled.solution.structure.reduced
 
-    def name_of(kind: str, k: int) -> str:
-        return reduced.name(k) if kind == "var" else compiled.parameters[k]
-
     def text_of(number: int) -> str:
         sides = [reduced.pool.nodes[n] for n in reduced.pool.nodes[number][1:]]
         inside = [
             node[1] if node[0] == "noevent" else n
             for node, n in zip(sides, reduced.pool.nodes[number][1:], strict=True)
         ]
-        return " against ".join(to_text(reduced.pool, n, name_of, _WIDTH) for n in inside)
+        return " against ".join(reduced.text(n, _WIDTH) for n in inside)
 
     left = found.left
     texts = "; ".join(text_of(n) for n in left[:_NAMED])

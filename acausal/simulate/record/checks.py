@@ -27,7 +27,6 @@ from acausal.diagnose.words import places as stated_places
 from acausal.errors import EventError, UsageError
 from acausal.flatten.flat import FlatAssignment, FlatWhen, suffixes
 from acausal.flatten.reduced import nominal
-from acausal.flatten.text import to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
@@ -55,14 +54,10 @@ def refuse_jumps(
     if not switched or len(instants) < 3:
         return
     values = functions_of(compiled).switches
-
-    def name_of(kind: str, k: int) -> str:
-        return compiled.parameters[k]
-
     for a, t, b in zip(instants, instants[1:], instants[2:], strict=False):
         before, after = (values(t, p, modes(*side))[0] for side in ((a, t), (t, b)))
         for j in np.flatnonzero(np.abs(after - before) > _MEETING * (1.0 + np.abs(before) + np.abs(after))).tolist():
-            text = to_text(compiled.solution.structure.reduced.pool, switched[j], name_of, 80)
+            text = compiled.solution.structure.reduced.text(switched[j])
             raise UsageError(
                 "AC039",
                 f"{compiled.name}: a prescribed motion jumps at t = {t:.9g} s, from {before[j]:.6g} to {after[j]:.6g}",

@@ -11,7 +11,6 @@ from acausal.arrays import Vector
 from acausal.flatten.flat import FlatEquation
 from acausal.flatten.pool import LEAVES
 from acausal.flatten.reduced import ReducedSystem
-from acausal.flatten.text import NameOf, to_text
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.equations.function_cache import functions_of
@@ -70,18 +69,13 @@ def first_undefined(
     return _constant(compiled, p)
 
 
-def _name_of(reduced: ReducedSystem) -> NameOf:
-    names = (*reduced.flat.parameter_names, "stabilisation.rate")
-    return lambda op, k: names[k] if op == "par" else reduced.name(k)
-
-
 def _inside(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str, ...]:
     """`name = value` of the variables and parameters below a node, variables first."""
     found = {reduced.pool.nodes[n] for n in reduced.pool.reachable([node])}
     known = len(reduced.flat.parameter_names)  # behind them is the rate of stabilisation, which nobody has given
     leaf = ((op, k) for op, *rest in found if op in ("var", "par") for k in rest)
     held = sorted((op != "var", k, op) for op, k in leaf if op == "var" or k < known)
-    return tuple(f"{_name_of(reduced)(op, k)} = {float(leaves[op](k)):g}" for _, k, op in held)
+    return tuple(f"{reduced.leaf_name(op, k)} = {float(leaves[op](k)):g}" for _, k, op in held)
 
 
 def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None, str | None]:
@@ -104,7 +98,7 @@ def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None,
     if said is None or is_finite(node):
         return None, None
     guilty = operands[1 if op == "div" else 0]
-    shown = to_text(pool, guilty, _name_of(reduced), 60)
+    shown = reduced.text(guilty, 60)
     value = float(np.ravel(known[guilty])[0])
     tail = f", to the power of {float(np.ravel(known[operands[1]])[0]):g}" if op == "pow" else ""
     is_parameter = pool.nodes[guilty][0] == "par"
