@@ -74,10 +74,9 @@ def find_delays(solution: Solution) -> Delays:
     sources: dict[int, int] = {}
     items = []
     for flat, (source, time, most) in zip(reduced.flat.delays, reduced.delays, strict=True):
-        moves = any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([time]))
         place = sources.setdefault(source, len(sources))
         span = flat.origin.span() if flat.origin is not None else None
-        items.append(Delay(place, time, most, not moves, flat.label, flat.component, span))
+        items.append(Delay(place, time, most, not pool.varies(time), flat.label, flat.component, span))
     if not items:
         return Delays()
     return Delays(tuple(items), tuple(sources), tuple(_smoother(solution, list(sources)).items()))

@@ -60,21 +60,17 @@ def _places(pool: Pool, holders: Sequence[_Holder]) -> dict[int, tuple[Origin | 
     return places
 
 
-def _varies(pool: Pool, node: int) -> bool:
-    return any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([node]))
-
-
 def _check(pool: Pool, delay: FlatDelay) -> None:
     where = (delay.origin.span(),) if delay.origin is not None else ()
     name = f"{delay.label} in {delay.component}" if delay.component else delay.label
-    if delay.most is not None and _varies(pool, delay.most):
+    if delay.most is not None and pool.varies(delay.most):
         raise DeclarationError(
             "AC183",
             f"{name}: the maximum of a delay must be constant",
             where=where,
             help="make it of numbers and parameters",
         )
-    if _varies(pool, delay.time):
+    if pool.varies(delay.time):
         if delay.most is None:
             raise DeclarationError(
                 "AC183",

@@ -182,6 +182,10 @@ class Pool:
                 stack += new
         return True
 
+    def varies(self, root: int) -> bool:
+        """Whether a node depends on a variable or on time."""
+        return any(self.nodes[n][0] in ("var", "time") for n in self.reachable([root]))
+
     def make(self, op: str, *args: int) -> int:
         """The node `op(args)`, simplified where that is exact for all values of the operands."""
         if op in _MAKE:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.errors import StructureError
-from acausal.flatten.reduced import ReducedSystem
 from acausal.reduce.cone import restrict
 from acausal.reduce.fold import fold, resolved
 from acausal.reduce.motionless import Constants, constants
@@ -64,7 +63,7 @@ def select(
     whole, solution = solution, restrict(solution, tuple(scalars.values()))
     left += _dropped(whole, solution)
     reduced = whole.structure.reduced
-    constant = [n for n, s in scalars.items() if not _varies(reduced, reduced.image[s])]
+    constant = [n for n, s in scalars.items() if not reduced.pool.varies(reduced.image[s])]
     return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(left)))
 
 
@@ -85,11 +84,6 @@ def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
         if found.variables.keys() == before.variables.keys() and found.relations == before.relations:
             break
     return solution, found
-
-
-def _varies(reduced: ReducedSystem, node: int) -> bool:
-    pool = reduced.pool
-    return any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable([node]))
 
 
 def _constant(solution: Solution, found: Constants) -> list[Left]:

@@ -19,6 +19,7 @@ from acausal.analyse.events.domains import guarded
 from acausal.analyse.events.jumping_tables import jumping_tables, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
 from acausal.analyse.events.resting import Kinks, split_at_kinks
+from acausal.analyse.events.steep import Moving
 from acausal.analyse.events.time_events import TimeEvents, segment_number
 from acausal.analyse.events.underflow import without_underflow
 from acausal.errors import Span, StructureError
@@ -129,16 +130,16 @@ def find_state_events(
     if not (roots or kinks_to_locate.watched):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
-    discrete = discrete_variables(reduced)
+    moves = Moving(pool, discrete_variables(reduced))
     # values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps
     values = {v for c in clauses for _, v in c.actions}
     steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
     visible = _visible(pool, roots)
-    visible = sorted({*visible, *_of_signs(pool, visible, rewritten, discrete)})
+    visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
     branches = split_at_kinks(kinks, solution.structure.points, visible, dict(rewritten))
     seen = [*visible, *_visible(pool, branches.values())]
-    branches |= _jumps(pool, seen, steps, discrete, {**rewritten, **branches}, definitions)
+    branches |= _jumps(pool, seen, steps, moves, {**rewritten, **branches}, definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.branches:
         located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
@@ -153,7 +154,7 @@ def find_state_events(
     if kinks_to_locate.bursts:
         branches |= without_underflow(pool, roots, done)
     pool.rewrite(roots, pool.var, done)
-    found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), discrete)
+    found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), moves)
     found["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(set(found["relation"]).difference(kinks_to_locate.watched)))
     silent = set(pool.reachable([done[n] for n in kinks_to_locate.numbers]))
@@ -242,20 +243,11 @@ def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
     return [node for v, node in solution.definitions if v in needed]
 
 
-def _moves(pool: Pool, node: int, discrete: frozenset[int]) -> bool:
-    """Whether a node changes between events."""
-    for n in pool.reachable([node]):
-        op, *rest = pool.nodes[n]
-        if op == "time" or (op == "var" and rest[0] not in discrete):
-            return True
-    return False
-
-
 def _jumps(
     pool: Pool,
     visible: Iterable[int],
     steps: set[int],
-    discrete: frozenset[int],
+    moves: Moving,
     rewritten: Mapping[int, int],
     definitions: Mapping[int, int],
 ) -> dict[int, int]:
@@ -273,13 +265,13 @@ def _jumps(
     for number in visible:
         op, *operands = pool.nodes[number]
         table = tables.get(number)
-        if table is not None and _moves(pool, operands[0], discrete):
+        if table is not None and moves(operands[0]):
             segment = segment_number(pool, operands[0], list(table.breaks))
             below = pool.nodes[segment][1]
             pool.rewrite([below, *operands], pool.var, done)
             k = stairs(segment, "floor", done[below])
             found[number] = done[number] = on_segment(pool, table, done[operands[0]], k)
-        if number in rewritten or op not in ("sign", "floor", "ceil") or not _moves(pool, operands[0], discrete):
+        if number in rewritten or op not in ("sign", "floor", "ceil") or not moves(operands[0]):
             continue
         pool.rewrite(operands, pool.var, done)
         u = done[operands[0]]
@@ -294,10 +286,10 @@ def _jumps(
     return found
 
 
-def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], discrete: frozenset[int]) -> list[int]:
+def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], moves: Moving) -> list[int]:
     """Both relations, > and >=, of each `sign` of a varying expression: it is zero while its operand stays zero."""
     signs = (n for n in visible if pool.nodes[n][0] == "sign" and n not in done)
-    operands = [k for _, k in (pool.nodes[n] for n in signs) if _moves(pool, k, discrete)]
+    operands = [k for _, k in (pool.nodes[n] for n in signs) if moves(k)]
     return [pool.make(kind, k, pool.zero) for k in operands for kind in _SIGN]
 
 
@@ -334,7 +326,7 @@ def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
     return sorted(closure(roots, lambda n: () if nodes[n][0] in LEAVES or nodes[n][0] == "noevent" else nodes[n][1:]))
 
 
-def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: frozenset[int]) -> dict[str, set[int]]:
+def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], moves: Moving) -> dict[str, set[int]]:
     """Nodes that become modes, by kind; nodes below a relation of time are skipped.
 
     Below a `no_event` relations are no modes, but `pre` and the other kinds are.
@@ -354,7 +346,7 @@ def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], discrete: fr
         if op in ("initial", "infinitesimal", "terminal"):
             found["flag"].add(number)
         elif op not in LEAVES and op != "sample":
-            if op in RELATIONS and not is_exempt and _moves(pool, number, discrete):
+            if op in RELATIONS and not is_exempt and moves(number):
                 found["relation"].add(number)
             stack += [(n, is_exempt or op == "noevent") for n in node[1:]]
     return found

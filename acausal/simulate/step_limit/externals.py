@@ -34,7 +34,7 @@ def note_on_externals(compiled: CompiledModel) -> str:
             # derivatives jump where the function has a kink: its factory shows which kinks there are
             op.external.primal or op.external
             for op, *arguments in pool.nodes
-            if isinstance(op, Call) and any(pool.nodes[n][0] in ("var", "time") for n in pool.reachable(arguments, {}))
+            if isinstance(op, Call) and any(map(pool.varies, arguments))
         }
         names = sorted({f.name for f in moving if not isinstance(f, Lookup) and not f.jumps and _may_wake(f)})
         _NOTES[compiled] = _NOTE.format(", ".join(names)) if names else ""
