@@ -151,8 +151,10 @@ class BodyBox(PartialLongBody):
         return self.m / 12 * (about_x * _outer(x) + about_y * _outer(y) + about_z * _outer(z))
 
 
-_NO_TORQUE = quantity(1e-11, "N.m")
-"""Rounding of a torque; not by the force, which would keep an assertion where there is no torque at all."""
+_ROUNDING = quantity(1e-11, "m")
+"""Rounding of a torque, by the force that acts and the mass times the rounded acceleration below."""
+_LEAST = quantity(1.0, "m/s2"), quantity(1e-100, "N2")
+"""Without any force torques are rounded, too: as if the mass were accelerated so much, or there were a little force."""
 _TURNED = (
     "a torque acts on what is fixed to it, and a point mass has no inertia to turn with: its axes would stand still; "
     "connect a Body with an inertia, in its place or beside it"
@@ -190,7 +192,9 @@ class PointMass(PartialHeavy):
             # would turn them would be held without a word: a point mass on a rod would not fall.
             yield a.R == identity(3)
             yield a.w == 0
-            yield assert_(dot(a.t, a.t) <= _NO_TORQUE**2, _TURNED)
+            # a product: where there is no torque at all it is zero, and no assertion is left
+            forces = dot(a.f, a.f) + (self.m * _LEAST[0]) ** 2 + _LEAST[1]
+            yield assert_(dot(a.t, a.t) * (1 / forces) <= _ROUNDING**2, _TURNED)
         else:
             yield a.t == 0
 

@@ -253,7 +253,32 @@ class Twisted(Component):
         yield connect(self.load.frame_a, self.torque.frame_b)
 
 
-@pytest.mark.parametrize("model", [Rod(world=World()), Twisted()])
+class Thrust(Component):
+    """Two point masses in space with a rod between them, pushed by 1e12 N along the rod, which nothing turns."""
+
+    one: PointMass = PointMass(m=1e12, g_0=WEIGHTLESS, r_0=REST, v_0=REST)
+    rod: FixedTranslation = FixedTranslation(r=(0.3, 0.7, 0.19))
+    two: PointMass = PointMass(m=1e12, g_0=WEIGHTLESS)
+    push: FrameForce = FrameForce(force=(0.3e12, 0.7e12, 0.19e12))
+
+    def equations(self) -> Equations:
+        yield connect(self.one.frame_a, self.rod.frame_a)
+        yield connect(self.rod.frame_b, self.two.frame_a, self.push.frame_b)
+
+
+def test_rounding_of_a_torque_is_relative_to_the_forces() -> None:
+    """x'' = F / (2 m); the torque of such a force is zero to rounding only, 1e-4 N.m."""
+    result = run(Thrust(), 1.0)
+    np.testing.assert_allclose(result.final("one.r_0"), np.array([0.3, 0.7, 0.19]) / 4, rtol=1e-9)
+
+
+MICROSCOPIC: dict[str, Any] = {
+    "rod": FixedTranslation(r=(1e-4, 0.0, 0.0)),
+    "load": PointMass(m=1e-9),
+}
+
+
+@pytest.mark.parametrize("model", [Rod(world=World()), Rod(world=World(), **MICROSCOPIC), Twisted()])
 def test_a_point_mass_takes_no_torque(model: Component) -> None:
     """The mass hung level in the air, at rest, held by the torque that its axes took."""
     with pytest.raises(EventError, match="a point mass has no inertia to turn with"):
