@@ -174,11 +174,19 @@ def _not_reached(problem: StatedProblem, run: Result, spec: PhaseSpec, first: fl
     text = problem.guards[spec.switch].text if spec.switch is not None else "its end"
     earlier = [e.time for e in run.events if text in e.condition.split("; ") and e.time <= first]
     seen = [f"{e.time:.4g} s  {e.condition}" for e in run.events[:6]]
+    begins = f"phase '{spec.name}' begins at {first:.4g} s and is expected to take {spec.expected:.4g} s"
+    cause = f"the run is as long as all phases together are expected to take, {run.time[-1] - run.time[0]:.4g} s: too "
+    cause += "short for this end, or its inputs do not lead there"
+    help_ = "give longer durations, phase(expected=...), or inputs that get there, problem.guess(inputs={...})"
+    if earlier:
+        cause = f"that happens at {earlier[-1]:.4g} s, and the phase begins at {first:.4g} s"
+        help_ = "declare phases in the order of the run; " + help_
+    elif problem.guess_run is not None:
+        cause, help_ = "the run given as a guess ends before", "give one that gets there, problem.guess(run=...)"
     return OptimizationError(
         "AC705",
         f"the run behind the guess does not get to the end of phase '{spec.name}': {text}",
-        evidence=[f"it goes from {run.time[0]:g} to {run.time[-1]:g} s", *seen],
-        cause=f"that happens at {earlier[-1]:.4g} s, and the phase begins at {first:.4g} s" if earlier else None,
-        help="declare phases in the order of the run; give inputs that get there, and durations: "
-        "problem.guess(inputs={...}), phase(expected=...)",
+        evidence=[f"it goes from {run.time[0]:g} to {run.time[-1]:g} s; {begins}", *seen],
+        cause=cause,
+        help=help_,
     )

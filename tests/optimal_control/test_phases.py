@@ -199,7 +199,7 @@ def too_short() -> Problem:
 
 @pytest.mark.parametrize(
     ("problem", "code", "named"),
-    [(forgotten, "AC608", "v_h"), (too_long, "AC704", "h < 0"), (too_short, "AC705", "thrown")],
+    [(forgotten, "AC608", "v_h"), (too_long, "AC704", "h < 0"), (too_short, "AC705", "expected to take 0.2 s")],
 )
 def test_events_without_a_phase_are_refused(problem: object, code: str, named: str) -> None:
     assert callable(problem)
