@@ -38,6 +38,7 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
+from acausal.simulate.record.branches import crossed_branches
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
 from acausal.simulate.record.singular import singular_positions
@@ -208,7 +209,8 @@ class Run:
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
         controlled = not self.solver.fixed_step and opts.step is None
         unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
-        unknown = (*unknown, *singular_positions(recorder))
+        is_coarse = self.solver.algebraic and not controlled
+        unknown = (*unknown, *(singular_positions(recorder) or crossed_branches(self.problem, recorder, is_coarse)))
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.finished(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))

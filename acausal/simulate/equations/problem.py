@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -167,38 +167,63 @@ class Problem:
     ) -> Vector:
         """Algebraic variables at `b = (t, states)` along the cubic that leaves `a` and arrives there with its rates."""
         (ta, xa), (tb, xb) = a, b
-        h = tb - ta
-        fa = fb = (xb - xa) / h
+        times, states = np.array([ta, tb]), np.array([xa, xb])
+        rates = np.tile((xb - xa) / (tb - ta), (2, 1))
         if not straight:
-            fa, fb = (self.scaled.buffered(t, s, w, numbers, [])[0] for (t, s), w in ((a, z), (b, end)))
+            rates = np.array([self._rates(*at, w, numbers) for at, w in ((a, z), (b, end))])
+        return self._along(partial(_cubic, times, states, rates), ta, times[1:], z, numbers)[:, 0]
 
-        def at(t: float) -> Vector:
-            s = (t - ta) / h
-            bend = s * (s - 1) * ((1 - 2 * s) * (xb - xa) + h * ((s - 1) * fa + s * fb))
-            return np.asarray(xa + s * (xb - xa) + bend)
+    def straight_on(self, rows: tuple[Vector, ...], wanted: Vector) -> tuple[Vector, Vector]:
+        """States and algebraic variables at some instants behind the first of a few rows of one mode.
+
+        The states are those of the `rows` (times, states, algebraic variables, modes; columns are instants), with
+        cubics between them; the algebraic variables go on from the first row as they began.
+
+        Raises RuntimeError where their branch ends.
+        """
+        times, x, z, m = rows
+        numbers, states = self.vector(m[:, 0], x[:, 0], 0.0), x[: self.n_dynamic].T / self.scale_x
+        here = z.T / self.scale_z
+        rates = np.array([self._rates(*at, numbers) for at in zip(times.tolist(), states, here, strict=True)])
+        path = partial(_cubic, times, states, rates)
+        found = self._along(path, float(times[0]), wanted, here[0], numbers)
+        at = np.tile(x[:, :1], (1, len(wanted)))
+        at[: self.n_dynamic] = np.array([path(t) for t in wanted.tolist()]).T * self.scale_x[:, None]
+        return at, found * self.scale_z[:, None]
+
+    def _rates(self, t: float, states: Vector, z: Vector, numbers: Vector) -> Vector:
+        return np.asarray(self.scaled.buffered(t, states, z, numbers, [])[0])
+
+    def _along(
+        self, states: Callable[[float], Vector], start: float, times: Vector, z: Vector, numbers: Vector
+    ) -> Vector:
+        """Algebraic variables, shape (nz, n), along states that are a function of time; all scaled."""
 
         def solve(t: float, guess: Vector) -> Vector:
-            return self._root(guess, t, at(t), numbers)
+            return self._root(guess, t, states(t), numbers)
 
         def holds(t: float, value: Vector) -> bool:
-            return self._holds(t, at(t), value, numbers)
+            return self._holds(t, states(t), value, numbers)
 
-        return followed(solve, holds, ta, np.array([tb]), z)[:, 0]
+        return followed(solve, holds, start, times, z)
 
     def follow_algebraic(self, start: float, times: Vector, x: Vector, z: Vector, p: Vector) -> Vector:
         """The same where nothing is integrated: from the values `z` at `start` along their branch; shape (nz, n)."""
         numbers = self.vector(p, x, 0.0)
-
-        def solve(t: float, guess: Vector) -> Vector:
-            return self._root(guess, t, np.zeros(0), numbers)
-
-        def holds(t: float, value: Vector) -> bool:
-            return self._holds(t, np.zeros(0), value, numbers)
-
-        return followed(solve, holds, start, times, z / self.scale_z) * self.scale_z[:, None]
+        found = self._along(lambda _: np.zeros(0), start, times, z / self.scale_z, numbers)
+        return found * self.scale_z[:, None]
 
 
 LEFT = "CONV_FAIL: the algebraic variables leave their branch"
+
+
+def _cubic(times: Vector, states: Vector, rates: Vector, t: float) -> Vector:
+    """States at `t` on the cubics through those at some times with their rates, shapes (n, nx) (Hermite)."""
+    k = min(max(int(np.searchsorted(times, t)) - 1, 0), len(times) - 2)
+    h, change = times[k + 1] - times[k], states[k + 1] - states[k]
+    s = (t - times[k]) / h
+    bend = s * (s - 1) * ((1 - 2 * s) * change + h * ((s - 1) * rates[k] + s * rates[k + 1]))
+    return np.asarray(states[k] + s * change + bend)
 
 
 def _are_close(a: Vector, b: Vector) -> bool:
@@ -249,9 +274,10 @@ def followed(
                 value = guess  # where branches cross, Newton's method knows nothing of where it came from
             if to - past[-1][0] >= 0.1 * step or len(past) < 3:
                 past = [*past[-2:], (to, value)]
-            here, z = to, value
-            if off <= 0.1 * CLOSE:
+            # not beyond the distance of the outputs, or the points that are extrapolated would be old ones
+            if off <= 0.1 * CLOSE and to - here >= 0.9 * step:
                 step *= 1.6
+            here, z = to, value
         found[:, k] = z
     return found
 

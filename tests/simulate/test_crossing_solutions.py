@@ -1,0 +1,89 @@
+"""Algebraic equations whose solutions cross, and others that only come near: told or refused, or solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import acausal
+from acausal import Component, Equations, Real, cos, der, exp, fabs, fixed, guess, sin, structural, variable
+from acausal.errors import IntegrationError
+
+SOLVERS = ["idas", "rosenbrock", "cvodes", "erk", "rk", "rk2", "collocation"]
+
+
+class Crossing(Component):
+    """x = t - 1, some equations for y and z, and the integral of y."""
+
+    equation: str = structural(default="product")
+    x: Real = variable(default=fixed(-1.0))
+    y: Real = variable(default=guess(-1.0))
+    z: Real = variable(default=guess(-1.0))
+    w: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.w) == self.y
+        for residual in RESIDUALS[self.equation](self.x, self.y, self.z):
+            yield residual == 0.0
+
+
+# The solutions that begin at y = -1, or near zero, meet others at x = 0.
+Residuals = Callable[[Any, Any, Any], list[Any]]
+CROSSING: dict[str, Residuals] = {
+    "product": lambda x, y, z: [y * (x - y), z - y],
+    "squares": lambda x, y, z: [y**2 - x**2, z - y],
+    "two": lambda x, y, z: [y * z - x**2, y**3 + y - z**3 - z],
+    # a parallelogram of cranks of 0.3 and a coupler of 1, whose angle z + 1 stays zero unless it turns over
+    "parallelogram": lambda x, y, z: [
+        0.3 * cos(x) + cos(z + 1.0) - 1.0 - 0.3 * cos(y),
+        0.3 * sin(x) + sin(z + 1.0) - 0.3 * sin(y),
+    ],
+    "near": lambda x, y, z: [y * (x - y) + 1e-12, z - y],
+}
+# One solution, or another one that stays away: the integral of y from x = -1 to 1, where there is a short one.
+HEALTHY: dict[str, Residuals] = {
+    "turbulent": lambda x, y, z: [y * fabs(y) + 1e-3 * y - x, z - y],
+    "factor": lambda x, y, z: [x * (exp(y) - exp(-1.0)), z - y],
+    "rectifier": lambda x, y, z: [1e-9 * (exp(y / 0.025) - 1.0) - (3.0 * x - y) / 100.0, z - y],
+    "smooth turn": lambda x, y, z: [y * (x - y) + 1e-6, z - y],
+}
+NEARER: dict[str, Residuals] = {"nearer": lambda x, y, z: [y * (x - y) + 1e-9, z - y]}
+RESIDUALS = {**CROSSING, **HEALTHY, **NEARER}
+
+
+def run(equation: str, solver: str) -> acausal.Result:
+    steps: dict[str, Any] = {"step": 0.01} if solver in ("rk", "rk2", "collocation") else {}
+    return acausal.simulate(Crossing(equation=equation), stop_time=2.0, solver=solver, **steps)
+
+
+def noted(result: acausal.Result) -> bool:
+    return "solutions of the equations for" in str(result.stats["notes"])
+
+
+@pytest.mark.parametrize(
+    ("equation", "solver"),
+    [*((e, s) for e in CROSSING for s in ("idas", "rosenbrock", "cvodes")), *(("product", s) for s in SOLVERS[3:])],
+)
+def test_a_run_through_a_crossing_says_so_or_ends_there(equation: str, solver: str) -> None:
+    """By the equations both ways are right: `cvodes` and `erk` turned off, `idas` went straight on, all in silence."""
+    try:
+        told = noted(run(equation, solver))
+    except IntegrationError as error:
+        told = error.code == "AC402" and abs(error.result.time[-1] - 1.0) < 0.02
+    assert told
+
+
+@pytest.mark.parametrize("solver", ["idas", "rk2"])
+@pytest.mark.parametrize("equation", HEALTHY)
+def test_one_solution_is_not_noted(equation: str, solver: str) -> None:
+    """Slopes that fall nearly to zero, or to zero where any y solves the equation for an instant, make no branches."""
+    assert not noted(run(equation, solver))
+
+
+def test_stages_on_another_solution_than_their_steps_are_told() -> None:
+    """The integral of y is -0.5; stages of Radau's method stayed on y = x from x = 0 on, and it was -0.06."""
+    result = run("nearer", "collocation")
+    assert noted(result) or result.final("w") == pytest.approx(-0.5, abs=1e-3)
