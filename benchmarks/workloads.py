@@ -44,7 +44,7 @@ from acausal.models.clutches import ClutchChain
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.rc_ladder import RCLadder
-from acausal.simulate.equations.calls.raw import called
+from acausal.simulate.equations.calls.raw import Kept
 from acausal.simulate.solvers.base import SMOOTH_SHARE
 
 TOLERANCE = 1e-8
@@ -199,14 +199,14 @@ def reading(n: int = 10_000) -> dict[str, Job]:
         "init_xdot": rate.tolist(),
     }
     settings |= {"max_num_steps": 10**6, "linear_solver": "qr"}  # the faster one here
-    integrator = ca.integrator("by_hand", "idas", dae, 0.0, grid.tolist(), settings)
+    integrator = Kept(ca.integrator("by_hand", "idas", dae, 0.0, grid.tolist(), settings))
 
     def ours() -> float:
         r = acausal.simulate(compiled)
         return float(r["source.i"][-1]) + float(r["resistors[7].i"][-1])
 
     def by_hand() -> float:
-        (v, _), _ = called(integrator, {"x0": np.zeros(n)}, ("xf", "zf"))
+        (v, _), _ = integrator({"x0": np.zeros(n)}, ("xf", "zf"))
         source, seventh = v[:, 0] - 1.0, v[:, 6] - v[:, 7]
         return float(source[-1] + seventh[-1])
 
