@@ -32,18 +32,3 @@ def test_a_result_knows_its_shipped_model_and_is_told_others() -> None:
     # With fewer links it is another model; with more, what is missing is said.
     assert "AC082" in run("animate", "run.mat", "--model", "PendulumChain", "--set", "n=1", "-o", "a.glb").err
     assert "links[2]" in run("animate", "run.mat", "--model", "PendulumChain", "-o", "a.glb").err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (("animate", "Oscillator"), "AC083"),
-        (("animate", "Pendulum", "-o", "p.png"), "AC013"),
-        (("animate", "Pendulm"), "AC001"),
-        (("animate", "missing.mat"), "AC014"),
-    ],
-)
-def test_what_cannot_be_shown_is_refused(arguments: tuple[str, ...], code: str) -> None:
-    outcome = run(*arguments)
-    assert outcome.code == 2
-    assert f"error[{code}]" in outcome.err

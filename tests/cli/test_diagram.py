@@ -22,17 +22,3 @@ def test_models_and_components_are_drawn() -> None:
     outcome = run("diagram", "PendulumChain", "--set", "n=2", "-o", "chain.svg")
     assert outcome.code == 0, outcome.err
     assert "links[1]" in drawn(Path("chain.svg").read_text()).blocks
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (("diagram", "Oscilator"), "AC001"),
-        (("diagram", "Oscillator", "-o", "o.png"), "AC013"),
-        (("diagram", "Oscillator", "--open", "mass"), "AC020"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused(arguments: tuple[str, ...], code: str) -> None:
-    outcome = run(*arguments)
-    assert outcome.code == 2
-    assert f"error[{code}]" in outcome.err

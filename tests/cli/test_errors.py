@@ -63,6 +63,27 @@ WRONG = {
 }
 
 
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("diagram", "Oscilator"), "AC001"),
+        (("diagram", "Oscillator", "-o", "o.png"), "AC013"),
+        (("diagram", "Oscillator", "--open", "mass"), "AC020"),
+        (("explore", "none.mat"), "AC014"),
+        (("explore", "x.txt"), "AC013"),
+        (("explore", "x.mat", "-o", "x.png"), "AC013"),
+        (("animate", "Oscillator"), "AC083"),
+        (("animate", "Pendulum", "-o", "p.png"), "AC013"),
+        (("animate", "Pendulm"), "AC001"),
+        (("animate", "missing.mat"), "AC014"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(arguments: tuple[str, ...], code: str) -> None:
+    outcome = run(*arguments)
+    assert outcome.code == 2
+    assert f"error[{code}]" in outcome.err
+
+
 def test_every_verb_takes_json_and_quiet() -> None:
     """The same two options, from one definition; there are no exceptions."""
     found = {}

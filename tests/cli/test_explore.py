@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.cli.running import run
 
 
@@ -25,17 +23,3 @@ def test_files_of_one_name_keep_their_folders() -> None:
     run("simulate", "Oscillator", "-q", "-o", "other/Oscillator.mat")
     assert run("explore", "Oscillator.mat", "other/Oscillator.mat", "-o", "both.html").code == 0
     assert "other/Oscillator.mat" in Path("both.html").read_text()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (("explore", "none.mat"), "AC014"),
-        (("explore", "x.txt"), "AC013"),
-        (("explore", "x.mat", "-o", "x.png"), "AC013"),
-    ],
-)
-def test_what_cannot_be_explored_is_refused(arguments: tuple[str, ...], code: str) -> None:
-    outcome = run(*arguments)
-    assert outcome.code == 2
-    assert f"error[{code}]" in outcome.err

@@ -18,7 +18,6 @@ from acausal import (
     der,
     fixed,
     integer,
-    maximum,
     parameter,
     pre,
     quantity,
@@ -33,6 +32,7 @@ from acausal.errors import AcausalError
 from acausal.models.optimal_control.ball_target import ThrownBall, gentle_throw
 from acausal.models.optimal_control.plate_drilling import CONE, PlateDrilling, least_time
 from acausal.optimal_control import Problem
+from tests.optimal_control.kinked import Kinked
 
 
 def static_drilling_time(k_c11: float = 2240e6, z: float = 0.21) -> float:
@@ -236,18 +236,6 @@ def test_sources_switch_between_phases_only() -> None:
         helped(1.0).solve()
     assert refused.value.code == "AC704"
     assert "time >= 0.5" in str(refused.value.help)
-
-
-class Kinked(Component):
-    """A position that is moved, and a way that grows beyond half a metre only."""
-
-    u: Real = signal_input(unit="m/s", min=-1.0, max=1.0, default=0.6, doc="Velocity")
-    x: Real = variable(unit="m", default=fixed(0.0), doc="Position")
-    y: Real = variable(unit="m.s", default=fixed(0.0), doc="Integral of what is beyond")
-
-    def equations(self) -> Equations:
-        yield der(self.x) == self.u
-        yield der(self.y) == maximum(self.x - quantity(0.5, "m"), 0.0)
 
 
 def there(least: float) -> Problem:

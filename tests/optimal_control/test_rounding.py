@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, Real, der, fixed, maximum, parameter, quantity, signal_input, variable, where
+from acausal import Component, Equations, Real, der, fixed, parameter, signal_input, variable, where
 from acausal.errors import AcausalError
 from acausal.optimal_control import Problem
 from acausal.optimal_control.optimum.optimum import Optimum
+from tests.optimal_control.kinked import Kinked
 
 
 def bias(best: Optimum) -> float:
@@ -57,18 +58,6 @@ def test_friction_that_turns_round(way: float) -> None:
         off = max(best.error(best.replay()).values())
         assert 0.2 * bias(best) < off < bias(best) < share
         assert any("rounded" in note for note in notes(best))
-
-
-class Kinked(Component):
-    """A position that is moved, and a way that grows beyond half a metre only."""
-
-    u: Real = signal_input(unit="m/s", min=-1.0, max=1.0, default=0.6, doc="Velocity")
-    x: Real = variable(unit="m", default=fixed(0.0), doc="Position")
-    y: Real = variable(unit="m.s", default=fixed(0.0), doc="Integral of what is beyond")
-
-    def equations(self) -> Equations:
-        yield der(self.x) == self.u
-        yield der(self.y) == maximum(self.x - quantity(0.5, "m"), 0.0)
 
 
 def waiting() -> Problem:

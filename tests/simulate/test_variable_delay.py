@@ -131,24 +131,14 @@ def test_a_delay_that_follows_from_a_state_is_the_same_for_all_solvers() -> None
     assert acausal.simulate(Settling(), stop_time=0.5).final("x") == pytest.approx(0.75, abs=1e-7)
 
 
-class Inner(Component):
+class Outer(Component):
     """A part with a delay."""
 
     T: Real = parameter(default=1.0, unit="s")
-    x: Real = variable(default=fixed(1.0))
-
-    def equations(self) -> Equations:
-        yield der(self.x) == -delay(self.x, self.T)
-
-
-class Outer(Component):
-    """It as a part."""
-
-    T: Real = parameter(default=1.0, unit="s")
-    loop: Inner = part()
+    loop: Decay = part()
 
     def build(self) -> None:
-        self.loop = Inner(T=self.T)
+        self.loop = Decay(T=self.T)
 
 
 def test_a_negative_delay_is_refused_with_the_component() -> None:
