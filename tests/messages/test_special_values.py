@@ -226,3 +226,24 @@ def test_the_rate_of_stabilisation_is_no_parameter_of_the_author() -> None:
         acausal.simulate(Pendulum(), stop_time=1.0)
     assert caught.value.code == "AC303"
     assert "stabilisation" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["m", "c"])
+def test_an_infinite_parameter_is_named(name: str) -> None:
+    """A product with it is no number, and a motion cannot be divided by it."""
+
+    class Swing(Component):
+        m: Real = parameter(default=1.0)
+        c: Real = parameter(default=1.0)
+        x: Real = variable(default=fixed(0.0))
+        v: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == self.v
+            yield self.m * der(self.v) == -self.c * self.x
+
+    with pytest.raises(AcausalError, match=rf"for {name} = inf") as caught:
+        acausal.simulate(Swing(), parameters={name: float("inf")}, stop_time=1.0)
+    assert caught.value.code == "AC303"
+    assert "division by zero" not in str(caught.value)
+    assert caught.value.help

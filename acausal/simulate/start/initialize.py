@@ -476,11 +476,15 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
     names = [
         n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)
     ]
+    # the last of p, the rate of stabilisation, has no name
+    endless = [f"{n} = {v:g}" for n, v in zip(compiled.parameters, p, strict=False) if not np.isfinite(v)]
     raise InitializationError(
         "AC303",
-        f"{compiled.name}: the equations for {listed(names, 4)} have no finite value at the start (t = {t:g} s)",
+        f"{compiled.name}: the equations for {listed(names, 4)} have no finite value at the start (t = {t:g} s)"
+        + (f" for {listed(endless, 2)}" if endless else ""),
         where=made_at(compiled.flat, ""),
-        cause=UNDEFINED,
+        cause="an infinite value, times zero or less another one" if endless else UNDEFINED,
+        help="give finite values, or leave out what they belong to" if endless else None,
     )
 
 
