@@ -95,7 +95,7 @@ def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None,
             break
         node = unknown[0]
     if op == "par" and not is_finite(node):
-        name = _name_of(reduced)(op, operands[0])
+        name = reduced.leaf_name(op, operands[0])
         return f"{name} is {float(np.ravel(known[node])[0]):g}", name
     said = _WORDS.get(op)
     if said is None or is_finite(node):
