@@ -12,6 +12,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    as_expr,
     assert_,
     clamp,
     der,
@@ -20,12 +21,14 @@ from acausal import (
     maximum,
     no_event,
     parameter,
+    quantity,
     signal_output,
     structural,
     tan,
     where,
     zeros,
 )
+from acausal.library.contact.collide.axis.engaged import engaged_in_box
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import Vector, unit_vector
 
@@ -38,8 +41,9 @@ class PartialDrillGeometry(Component):
 
     The depth `s` is measured along the drill axis, not along the normal of the face: the force law needs the first,
     while a penetration depth in the sense of collision detection is the second. A tip beside the workpiece is not in
-    contact, however deep it is: `s` is then not positive. A cut that reaches beyond an edge of the workpiece is a
-    full one while the axis is inside of the edge, and none else; a run in which that happens notes it (AC191).
+    contact, however deep it is: `s` is then not positive. The diameters are those of a flat face across the axis. A
+    run in which width or area of the cut differ from them by more than 5 % notes it (AC191): where an edge, a ridge, a
+    slope or a curved face lies within the cut, and where the axis is beside the workpiece and the cone meets it.
 
     Source: founding paper, section 2 and Figure 3; the paper computes the same quantities by collision detection.
     """
@@ -85,21 +89,19 @@ class PartialDrillGeometry(Component):
         yield w.f == zeros(3)
         yield w.t == zeros(3)
 
-    def reach(self, depth: Expr) -> Expr:
-        """Radius of the cut [m], less a millionth of the diameter, at a `depth` [m] of the tip behind the face.
+    @property
+    def engagement(self) -> tuple[Expr, Expr, Expr, Expr]:
+        """What the force model takes the cut for: depths behind entry and exit, diameter [m], slope of the cone."""
+        return self.s, self.s_exit, self.d, tan(self.sigma / 2)
 
-        Negative above the face, where a drill passes over edges without coming near to cutting them.
-        """
-        slope = tan(self.sigma / 2)
-        return where(no_event(depth < self.d / (2 * slope)), slope * depth, self.d / 2) - 1e-6 * self.d
-
-    def clear_of_edges(self, clear: Expr, body: str) -> Equations:
-        """Note AC191 unless `clear`: if the cut reaches an edge of the workpiece."""
+    def full_circle(self, room: Expr, body: str) -> Equations:
+        """Note AC191 unless `room` is positive: if the cut is not the ring that the force model takes it for."""
         yield assert_(
-            clear,
-            f"AC191: an edge of {body} lies within the cut of the drill: inside of it the force is that of a full cut, "
-            "beside it there is none, and a drill moved across it is in full contact at once; keep the axis a radius "
-            "of the drill away from the edge, and move sideways only above the face",
+            room > 0,
+            f"AC191: in {body} the cut of the drill is no full ring: an edge, a ridge, a slope or a curved face lies "
+            "within it, and its width or area differs by more than 5 % from that of a flat face across the axis, of "
+            "which the force is; with the axis beside the body there is none. Enter flat faces, upright, a radius of "
+            "the drill away from their edges, and move sideways only above them",
             level="warning",
         )
 
@@ -132,19 +134,6 @@ class DrillGeometry(PartialDrillGeometry):
         yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt
         yield self.v == der(self.s)
-        yield from self.clear_of_edges(self._clear(self.reach(depth)), self.body)
-
-    def _clear(self, reach: Expr) -> Expr:
-        """Condition that no edge is nearer to the tip than `reach`.
-
-        One condition for each side and corner, without the distance from the nearest one: that has kinks in the middle
-        and on the diagonals of the plate, where rounding decides about them all the time.
-        """
-        x, y, a, b = self.tip[0], self.tip[1], self.width / 2, self.height / 2
-        within = (x < a - reach) & (-x < a - reach) & (y < b - reach) & (-y < b - reach)
-        aside = (x > a + reach) | (-x > a + reach) | (y > b + reach) | (-y > b + reach)
-        corner = (x**2 > a**2) & (y**2 > b**2)
-        for right in (x - a, x + a):
-            for above in (y - b, y + b):
-                corner = corner & (right**2 + above**2 > reach**2)
-        return within | aside | corner
+        half = as_expr([self.width / 2, self.height / 2, self.t / 2])
+        middle = self.tip - as_expr([quantity(0.0, "m"), quantity(0.0, "m"), self.t / 2])
+        yield from self.full_circle(engaged_in_box()(middle, self.axis, *self.engagement, half), self.body)

@@ -21,7 +21,8 @@ from acausal import (
 )
 from acausal.library.contact.collide.axis.crossing import crossing
 from acausal.library.contact.collide.axis.edges import edge_distance
-from acausal.library.contact.collide.shapes import HalfSpace, Shape
+from acausal.library.contact.collide.axis.engaged import engaged
+from acausal.library.contact.collide.shapes import Shape
 from acausal.library.drilling.geometry import PartialDrillGeometry
 from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, across, axes_rotation, checked_rotation
 
@@ -88,19 +89,18 @@ class ConvexDrillGeometry(PartialDrillGeometry):
 
     def equations(self) -> Equations:
         r, R = quantity(self.pose[0], "m"), as_expr(self.pose[1])
-        depth, beyond, beside, outward = crossing(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
-        outside, inside = edge_distance(self.workpiece)(R.T @ (self.tip - r), R.T @ self.axis)
+        tip, axis = R.T @ (self.tip - r), R.T @ self.axis
+        depth, beyond, beside, outward = crossing(self.workpiece)(tip, axis)
         # no contact starts beside the workpiece, so the depth stays away from zero there
         missed = no_event(beside > 0.5)
-        yield self.s == where(missed, minimum(depth, -outside), depth)
+        yield self.s == where(missed, minimum(depth, -edge_distance(self.workpiece)(tip, axis)), depth)
         yield self.s_exit == minimum(beyond, self.s)
         yield self.normal == -(R @ outward)
         # velocity at the witness point, which equals the derivative of the search and is cheaper
         along = dot(self.normal, self.axis)
         yield self.v == dot(self.normal, der(self.tip) - der(self.axis) * self.s) / maximum(along, _STEEP)
         yield self.overlap == self.s * along
-        if not isinstance(self.workpiece, HalfSpace):
-            yield from self.clear_of_edges(where(missed, outside, inside) > self.reach(depth), self.body)
+        yield from self.full_circle(engaged(self.workpiece)(tip, axis, *self.engagement), self.body)
 
 
 _STEEP = math.sin(math.radians(1.0))

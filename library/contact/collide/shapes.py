@@ -361,6 +361,11 @@ class ConvexHull(Shape):
         return points[hull.vertices], np.asarray(hull.equations)
 
     @property
+    def faces(self) -> Vector:
+        """Faces n x = offset as (outward unit normal, offset [m]), shape (m, 4)."""
+        return self._hull[1] * (1.0, 1.0, 1.0, -1.0)
+
+    @property
     def rings(self) -> Vector:
         corners = self._hull[0]
         return np.hstack([corners, np.zeros((len(corners), 1))])

@@ -52,7 +52,7 @@ def crossing_function(shape: Shape) -> Any:
     import casadi as ca
 
     tip, axis = ca.SX.sym("tip", 3), ca.SX.sym("axis", 3)
-    depth, beyond, hit, n, front, back = _crossed(shape, tip, axis)
+    depth, beyond, hit, n, front, back = crossed(shape, tip, axis)
     into = ca.logic_and(hit, ca.dot(n, axis) < -_GRAZING)
     outputs = [
         ca.if_else(into, depth, ca.dot(axis, tip) - front),
@@ -64,7 +64,7 @@ def crossing_function(shape: Shape) -> Any:
     return ca.Function("crossing", [tip, axis], outputs, *names)
 
 
-def _crossed(shape: Shape, tip: Any, axis: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
+def crossed(shape: Shape, tip: Any, axis: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     """Depth behind entry and exit [m], whether the line meets the shape, normal, begin and end along the line [m]."""
     import casadi as ca
 

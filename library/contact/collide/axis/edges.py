@@ -1,11 +1,10 @@
-"""How far a line is from the edges of a convex shape as seen along it, as a function that equations call.
+"""By how much a line misses a convex shape, as a function that equations call.
 
-    outside, inside = edge_distance(Box((0.1, 0.1, 0.05)))(tip, axis)
+    outside = edge_distance(Box((0.1, 0.1, 0.05)))(tip, axis)
 
-Point `tip` [m] and unit vector `axis` of the line are in the axes of the shape. `outside` [m] is by how much the line
-misses the shape, 0 where it meets it: in the plane across the line both are a point and a flat convex shape, whose
-distance is found as in `library/contact/collide/distance.py`. `inside` [m] is the way from a line that meets the shape
-to the next one that does not, in closed form for a box; round shapes and hulls have no such edges, it is `FAR` there.
+Point `tip` [m] and unit vector `axis` of the line are in the axes of the shape, `outside` [m] is 0 where they meet. In
+the plane across the line both are a point and a flat convex shape, whose distance is found as in
+`library/contact/collide/distance.py`; for a box there is a closed form.
 """
 
 from __future__ import annotations
@@ -26,16 +25,15 @@ _MOST = 32
 _TOLERANCE = 1e-6
 """Of the distance, in lengths of the shape."""
 
-
-FAR = 1e3
+_FAR = 1e3
 
 
 @lru_cache(maxsize=256)
 def edge_distance(shape: Shape) -> External:
-    """The function `(tip, axis) -> (outside, inside)`; the same object for equal shapes."""
+    """The function `(tip, axis) -> outside`; the same object for equal shapes."""
     name = f"edge_distance_{type(shape).__name__.lower()}"
     lines = partial(edge_distance_function, shape)
-    return External(name, lines, inputs=((3,), (3,)), outputs=((), ()), units=("m", "m"), jumps=True)
+    return External(name, lines, inputs=((3,), (3,)), outputs=((),), units=("m",), jumps=True)
 
 
 @dataclass(frozen=True)
@@ -62,17 +60,17 @@ def edge_distance_function(shape: Shape) -> Any:
 
     p, e = ca.SX.sym("tip", 3), ca.SX.sym("axis", 3)
     if isinstance(shape, HalfSpace):
-        found: tuple[Any, Any] = ca.SX(0), FAR
+        found: Any = ca.SX(0)
     else:
-        found = _of_box(shape, p, e) if isinstance(shape, Box) else (_search(shape)(p, e), FAR)
-    return ca.Function("edge_distance", [p, e], list(found))
+        found = _of_box(shape, p, e) if isinstance(shape, Box) else _search(shape)(p, e)
+    return ca.Function("edge_distance", [p, e], [found])
 
 
-def _of_box(box: Box, p: Any, e: Any) -> tuple[Any, Any]:
+def _of_box(box: Box, p: Any, e: Any) -> Any:
     """A box looks like a hexagon: of three pairs of parallel edges, each has its normal across one of the box's."""
     import casadi as ca
 
-    outside, inside = ca.SX(FAR), ca.SX(FAR)
+    outside, inside = ca.SX(_FAR), ca.SX(_FAR)
     for k in range(3):
         h, i, j = box.half[k], (k + 1) % 3, (k + 2) % 3
         # Seen along the line, the edges along k all have this half length and direction.
@@ -90,8 +88,8 @@ def _of_box(box: Box, p: Any, e: Any) -> tuple[Any, Any]:
         length = ca.norm_2(across)
         room = sum(b * ca.fabs(across[m]) for m, b in enumerate(box.half)) - ca.fabs(ca.dot(across, p))
         # A line along an edge has no pair of its own.
-        inside = ca.fmin(inside, ca.if_else(length > 1e-9, room / ca.fmax(length, 1e-9), FAR))
-    return ca.if_else(inside > 0, 0, outside), inside
+        inside = ca.fmin(inside, ca.if_else(length > 1e-9, room / ca.fmax(length, 1e-9), _FAR))
+    return ca.if_else(inside > 0, 0, outside)
 
 
 def _search(shape: Shape) -> Any:
