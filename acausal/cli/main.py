@@ -64,10 +64,11 @@ class _Verbs(TyperGroup):
             raise _ended(error, ctx) from error
         except Exception as error:
             # of the option parser, whatever package typer takes it from
-            if hasattr(error, "exit_code") and hasattr(error, "format_message"):
+            said = getattr(error, "format_message", None)
+            if said is not None and hasattr(error, "exit_code"):
                 if ctx.meta.get("json"):
                     path = getattr(getattr(error, "ctx", None), "command_path", "acausal")
-                    record_error(UsageError("AC019", error.format_message().rstrip("."), help=f"{path} --help"))
+                    record_error(UsageError("AC019", said().rstrip("."), help=f"{path} --help"))
                 raise
             raise _ended(error, ctx) from error
 

@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from acausal.diagnose.words import line, listed, places
 from acausal.errors import StructureError
-from acausal.flatten.pool import LEAVES, Pool
+from acausal.flatten.pool import LEAVES, Pool, closure
 from acausal.flatten.reduced import ReducedSystem
 from acausal.flatten.terms import SUMS
 from acausal.structure import Block, Incidence, match, stays_matched
@@ -124,20 +124,16 @@ def _plain(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:
 
 def _always(pool: Pool, root: int) -> set[int]:
     """Variables that a node depends on whatever the modes are: not below a branch, nor with such a factor."""
-    found, seen, stack = set[int](), set[int](), [root]
     inside: list[int] = []
-    while stack:
-        number = stack.pop()
-        if number in seen:
-            continue
-        seen.add(number)
+
+    def outside(number: int) -> Sequence[int]:
         op, *operands = pool.nodes[number]
-        if op == "var":
-            found.add(operands[0])
-        elif op == "where" or (op in ("mul", "div") and any(_is_switched(pool, n) for n in operands)):
+        if op == "where" or (op in ("mul", "div") and any(_is_switched(pool, n) for n in operands)):
             inside.append(number)
-        elif op not in LEAVES:
-            stack += operands
+            return ()
+        return () if op in LEAVES else operands
+
+    found = {pool.nodes[n][1] for n in closure([root], outside) if pool.nodes[n][0] == "var"}
     return found - pool.variables_in(*inside)
 
 
@@ -169,21 +165,18 @@ def _chosen(pool: Pool, operands: Sequence[int], modes: Modes) -> int | None:
 
 def _wheres(pool: Pool, root: int, modes: Modes) -> list[int]:
     """The outermost branches whose condition is not decided."""
-    found, seen, stack = [], set[int](), [root]
-    while stack:
-        number = stack.pop()
-        if number in seen:
-            continue
-        seen.add(number)
+    found = []
+
+    def decided(number: int) -> Sequence[int]:
         op, *operands = pool.nodes[number]
-        if op == "where":
-            chosen = _chosen(pool, operands, modes)
-            if chosen is None:
-                found.append(number)
-            else:
-                stack.append(chosen)
-        elif op not in LEAVES:
-            stack += operands
+        if op != "where":
+            return () if op in LEAVES else operands
+        chosen = _chosen(pool, operands, modes)
+        if chosen is None:
+            found.append(number)
+        return () if chosen is None else (chosen,)
+
+    closure([root], decided)
     return sorted(found)
 
 
