@@ -11,6 +11,7 @@ from acausal.animate.glb import to_glb
 from acausal.animate.looks import Look
 from acausal.animate.page import to_page
 from acausal.animate.scene import Scene, scene_of
+from acausal.language.check_model import check_model
 from acausal.language.component import Component
 from acausal.result.files import atomic, check_suffix
 from acausal.result.result import Result
@@ -81,8 +82,10 @@ def animate(
     Raises
     ------
     UsageError
-        AC082 when the result is not of this model, AC083 when nothing in the model has a shape.
+        AC028 for a `model` that is no component, AC082 when the result is not of this model, AC083 when nothing in
+        the model has a shape.
     """
+    check_model(model)
     if result is None:
         experiment = type(model).experiment
         start, stop = (options.get(n) for n in ("start_time", "stop_time"))

@@ -84,11 +84,15 @@ def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str]
     Raises
     ------
     UsageError
-        AC010 for a signal that none of the results has, AC085 without a result or with another number of labels.
+        AC010 for a signal that none of the results has, AC085 without a result, for what is none, or with another
+        number of labels.
     """
     if not results or (labels and len(labels) != len(results)):
         given = f"{len(results)} results and {len(labels)} labels"
         raise UsageError("AC085", f"{given} cannot be shown", help="acausal.explore(result), or one label per result")
+    for result in results:
+        if not isinstance(result, Result):
+            raise UsageError("AC085", f"{result!r} is no result", help="acausal.explore(acausal.simulate(model))")
     shown: list[str] = []
     for name in signals:
         holder = next((r for r in results if name in r), results[0])

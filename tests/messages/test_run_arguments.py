@@ -50,7 +50,7 @@ def test_a_wrong_argument_is_named(arguments: dict[str, Any], code: str, words: 
         assert word in str(error.value)
 
 
-@pytest.mark.parametrize("verb", ["compile", "simulate", "linearize", "stability", "reduce"])
+@pytest.mark.parametrize("verb", ["compile", "simulate", "linearize", "stability", "reduce", "free", "animate"])
 def test_what_is_no_model_is_refused(verb: str) -> None:
     arguments: dict[str, Any] = {"outputs": ["x"]} if verb == "reduce" else {}
     for model, words in ((Lag, "make one: Lag()"), ("Lag", "'Lag' is not a model"), (None, "None")):
@@ -58,6 +58,13 @@ def test_what_is_no_model_is_refused(verb: str) -> None:
             getattr(acausal, verb)(model, **arguments)
         assert error.value.code == "AC028"
         assert words in str(error.value)
+
+
+@pytest.mark.parametrize("given", [Lag(), acausal.compile(Lag()), None])
+def test_what_is_no_result_is_not_explored(given: Any) -> None:
+    with pytest.raises(AcausalError, match="is no result") as error:
+        acausal.explore(given)
+    assert error.value.code == "AC085"
 
 
 class Pulsed(Component):

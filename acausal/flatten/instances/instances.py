@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-from acausal.errors import DeclarationError, UsageError
+from acausal.errors import DeclarationError
+from acausal.language.check_model import check_model
 from acausal.language.choices import Changing, Choice, is_changing
 from acausal.language.component import STATING, Component, Connector
 from acausal.language.declarations.declaration import Kind
@@ -75,7 +75,7 @@ def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> 
 
     Raises UsageError: AC028 for a `model` that is no component.
     """
-    _check(model)
+    check_model(model)
     found: list[Instance] = []
     _grow(found, model, "", None, choices or {})
     return found
@@ -89,7 +89,7 @@ def placed(model: Component, choices: Mapping[str, Choice] | None = None) -> tup
 
 def components(model: Component) -> Iterator[tuple[str, Component]]:
     """All components of a model with their paths, without applying structures."""
-    _check(model)
+    check_model(model)
     stack: list[tuple[str, Component]] = [("", model)]
     while stack:
         path, component = stack.pop()
@@ -101,13 +101,6 @@ def components(model: Component) -> Iterator[tuple[str, Component]]:
 def changing(model: Component) -> dict[str, Changing]:
     """Components whose structure changes during a run, by path."""
     return {path: c for path, c in components(model) if is_changing(c) and c.is_variable()}
-
-
-def _check(model: Any) -> None:
-    if not isinstance(model, Component):
-        is_class = isinstance(model, type)
-        fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"
-        raise UsageError("AC028", fact, help=f"make one: {model.__name__}()" if is_class else "give a component")
 
 
 def _check_constructed(component: Component) -> None:

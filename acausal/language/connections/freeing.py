@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TypeVar
 
 from acausal.errors import UsageError
+from acausal.language.check_model import check_model
 from acausal.language.component import Component
 
 C = TypeVar("C", bound=Component)
@@ -23,8 +24,10 @@ def free(model: C, *signals: str) -> C:
     Raises
     ------
     UsageError
-        AC047 without signals, or for one named twice; when the model is flattened, for a name that is no input.
+        AC028 for a `model` that is no component, AC047 without signals, or for one named twice; when the model is
+        flattened, for a name that is no input.
     """
+    check_model(model)
     if not signals or not all(isinstance(s, str) for s in signals):
         raise UsageError("AC047", "free names no signal", help='paths of inputs: free(model, "force.u")')
     freed = (*model.__dict__.get("_freed", ()), *signals)

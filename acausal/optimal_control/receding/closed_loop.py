@@ -10,7 +10,9 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.export.start_point import input_start
+from acausal.language.component import Component
 from acausal.lower.chebyshev import INPUT_WIDTH
+from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_driven
 from acausal.optimal_control.receding.controller import Controller
@@ -48,7 +50,7 @@ class ClosedLoop:
 @interruptible
 def closed_loop(
     controller: Controller,
-    plant: CompiledModel,
+    plant: Component | CompiledModel,
     *,
     samples: int,
     parameters: Mapping[str, float] | None = None,
@@ -64,7 +66,7 @@ def closed_loop(
     Parameters
     ----------
     plant
-        A model with the states and inputs of that of the controller.
+        A component or a compiled model, with the states and inputs of that of the controller.
     parameters
         Parameters of the plant, unknown to the controller.
     measure, estimate
@@ -81,7 +83,7 @@ def closed_loop(
     RunError
         If the simulation of the plant fails; its `result` is the run up to then.
     """
-    plant = plant.unchanging("closed_loop")
+    plant = (plant if isinstance(plant, CompiledModel) else compile(plant)).unchanging("closed_loop")
     begin = plant.flat.experiment.start_time
     times: Vector = begin + controller.step * np.arange(samples + 1, dtype=np.float64)
     p = parameter_vector(plant, dict(parameters or {}))
