@@ -191,6 +191,22 @@ class Problem:
         at[: self.n_dynamic] = np.array([path(t) for t in wanted.tolist()]).T * self.scale_x[:, None]
         return at, found * self.scale_z[:, None]
 
+    def extrapolated(self, rows: tuple[Vector, ...]) -> Vector:
+        """What solves the algebraic equations at the third of some rows of one mode and those behind it, shape (nz, n).
+
+        Newton's method begins on the line through the two rows before, as an implicit method may; nan where it does not
+        end on a solution.
+        """
+        times, x, z, m = rows
+        numbers, found = self.vector(m[:, 0], x[:, 0], 0.0), np.full((len(z), len(times) - 2), np.nan)
+        for k in range(2, len(times)):
+            t, states = float(times[k]), x[: self.n_dynamic, k] / self.scale_x
+            slope = (z[:, k - 1] - z[:, k - 2]) / (times[k - 1] - times[k - 2])
+            root = self._root((z[:, k - 1] + (t - times[k - 1]) * slope) / self.scale_z, t, states, numbers)
+            if self._holds(t, states, root, numbers):
+                found[:, k - 2] = root * self.scale_z
+        return found
+
     def _rates(self, t: float, states: Vector, z: Vector, numbers: Vector) -> Vector:
         return np.asarray(self.scaled.buffered(t, states, z, numbers, [])[0])
 

@@ -103,7 +103,7 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> t
     """The note on points between the rows of a run at which solutions of algebraic equations cross.
 
     `is_coarse`: Whether the run itself may take a near miss for a crossing: fixed implicit steps, whose stages may stay
-    on another solution than their ends.
+    on another solution than their ends. The sum of these is then wrong, though all rows solve the equations.
     """
     compiled = problem.compiled
     if not compiled.algebraic or recorder.count < 4:
@@ -118,7 +118,6 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> t
     joined = _joined(whole, some)
     at = tuple(a[..., some] for a in whole)
     found: list[tuple[float, tuple[int, ...]]] = []
-    looks = _POINTS[:1] if is_coarse else _POINTS
     all_signs, all_sizes = blocks.determinants(problem, at)
     flips, dips = _turning(joined, all_signs, all_sizes)
     for number in np.flatnonzero(flips.any(axis=1) | dips.any(axis=1)).tolist():
@@ -127,9 +126,11 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> t
         for first, last in _windows(joined, np.flatnonzero(flips[number]), low[np.argsort(sizes[low])]):
             window = tuple(a[..., some[first] : some[last] + 1] for a in whole)
             ends, flipped = sizes[[first, last]], signs[first] * signs[last] < 0.0
-            tried = [_crossing(problem, blocks, number, window, ends, flipped, points) for points in looks]
+            tried = [_crossing(problem, blocks, number, window, ends, flipped, points) for points in _POINTS]
             places = [place for place in tried if place is not None]
-            found += places[:1] if len(places) == len(tried) else []
+            if is_coarse:
+                places += _other_solution(problem, blocks.columns[number], window)
+            found += places[:1] if is_coarse or len(places) == len(tried) else []
     if not found:
         return ()
     t, moved = min(found)
@@ -215,6 +216,15 @@ def _crossing(
     turned = off > _TURNED * passed + _FAINT
     k = int(np.argmin(sizes))
     return (float(wanted[k]), tuple(columns[turned].tolist())) if turned.any() and (flips or sizes[k] < least) else None
+
+
+def _other_solution(problem: Problem, columns: NDArray[np.intp], window: Rows) -> list[tuple[float, tuple[int, ...]]]:
+    """The first row to which the line of the two before leads to another solution, and its unknowns; none or one."""
+    t, _, z, _ = window
+    scale, at = problem.scale_z[columns, None], problem.extrapolated(window)[columns]
+    passed = np.abs(z[columns] - z[columns, :1]).max(axis=1, keepdims=True) / scale
+    other = np.abs(at - z[columns, 2:]) / scale > _TURNED * passed + _FAINT  # nan is none
+    return [(float(t[k + 2]), tuple(columns[other[:, k]].tolist())) for k in np.flatnonzero(other.any(axis=0))[:1]]
 
 
 def _place(
