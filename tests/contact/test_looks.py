@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, fixed, parameter, part
+from acausal import Component, Equations, Real, connect, der, fixed, parameter, part, quantity, variable
 from acausal.library.contact import ContactBody, ContactScene, HuntCrossley, Sphere, Surfaces
 from acausal.library.multibody import Body, World
+from acausal.simulate.restructure.structures import Watch
 
 RADIUS, M, SPEED = 0.05, 1.0, 4.0
 
@@ -55,3 +56,30 @@ def test_a_ball_that_arrives_late_hands_on_its_speed() -> None:
     time, x = np.asarray(result.time), np.asarray(result["balls[2].r_0[0]"])
     # rows are 1 ms apart, and the two contacts take some of them
     assert 0.349 <= time[np.argmax(x > 1.6 + 1e-6)] <= 0.357
+
+
+class Sliding(Component):
+    """What moves, what is the same mirrored, and what stays at a place that is a parameter."""
+
+    place: Real = parameter(default=1.0, unit="m")
+    x: Real = variable(default=fixed(0.0), unit="m")
+    mirrored: Real = variable(unit="m")
+    still: Real = variable(unit="m")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == quantity(1.0, "m/s")
+        yield self.mirrored == -self.x
+        yield self.still == self.place
+
+
+def test_a_look_reads_what_the_result_says() -> None:
+    """Where signals are is kept for a compiled model; what does not move has another value in each run of it."""
+    compiled = acausal.compile(Sliding())
+    names = "mirrored", "still", "x"
+    watch = Watch.of(compiled, {"": names})
+    for place in (1.0, 3.0):
+        result = acausal.simulate(compiled, stop_time=1.0, parameters={"place": place})
+        found = watch.read(result)[""]
+        assert found["still"] == pytest.approx(np.full(len(result.time), place))
+        for name in names:
+            assert np.array_equal(found[name], result[name])

@@ -24,6 +24,7 @@ from acausal.simulate.equations.kinks import NONE, Kinks
 from acausal.simulate.events.errors import not_a_clock
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.native.program import Placed
 from acausal.simulate.record.record import Recorder
 
 # Stops nearer than this share of the run, or than times are rounded, are one.
@@ -58,7 +59,7 @@ class Schedule:
         return int(np.max(np.diff(self.ends, prepend=0)))
 
     @cached_property
-    def arrays(self) -> dict[str, NDArray[Any]]:
+    def placed(self) -> Placed:
         """Its arrays as compiled code reads them, by its names for them."""
         numbers = {
             "boundary": self.instants,
@@ -67,7 +68,7 @@ class Schedule:
             "times": self.times,
         }
         found: dict[str, NDArray[Any]] = {k: np.ascontiguousarray(v, dtype=np.float64) for k, v in numbers.items()}
-        return found | {"times_end": self.ends}
+        return Placed(found | {"times_end": self.ends})
 
     def outputs(self, segment: int) -> Vector:
         """Output times of one segment; the last one is its end."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -25,6 +24,7 @@ from acausal.simulate.events.guards import Cause
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library
+from acausal.simulate.native.program import Placed
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import growth
@@ -133,7 +133,7 @@ class EventLoop:
         self.schedule, self._empty = schedule, 0
         if self._structure is not None:
             self._structure.timely = schedule.modes.shape[1]
-            self._structure.put(schedule.arrays)
+            self._structure.put(schedule.placed)
         return self
 
     def go(
@@ -188,7 +188,7 @@ class EventLoop:
 
     def _cleared(self, loop: EventLoopStructure, start: LoopState) -> int | None:
         """How many events were before the first stretch in which something may have been passed over; None if none."""
-        if self.clears is None:
+        if self.clears is None or not any(self.memory.stretch_doubts[: loop.stretches].tolist()):
             return None
         first = 0
         for k, last in enumerate(self.memory.trail_end[: loop.stretches].tolist()):
@@ -240,47 +240,28 @@ class EventLoop:
             "jump_capacity": len(self.memory.jump_x),
             "trail_capacity": len(self.memory.trail_time),
         }
-        whole = partial(np.array, dtype=np.int64)
-        real = partial(np.ascontiguousarray, dtype=np.float64)
-        arrays = {
-            "assigned_at": whole([a.position for a in events.assignments]),
-            "ends": whole([c.terminate is not None for c in events.clauses]),
-            "ties": whole(compiled.events.ties),
-            "timed": whole(compiled.events.timed),
-            "scale": real(problem.scale_x),
-            "nominal": real(compiled.nominal_x),
-            "constant": real(constants),
-            "u": real(problem.u),
-            "p": real(problem.p),
-            **schedule.arrays,
-            **{name: getattr(self.memory, name) for name in ("x", "m", "row_time", "row_x", "row_m", "event_time")},
-            **{name: getattr(self.memory, name) for name in ("event_row", "acts_end", "act", "fired")},
-            **{
-                name: getattr(self.memory, name)
-                for name in ("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end")
-            },
-            **{name: getattr(self.memory, name) for name in ("trail_time", "trail_x", "trail_end")},
-            **{name: getattr(self.memory, name) for name in ("stretch_steps", "stretch_events", "stretch_doubts")},
-        }
         known = None if self.clears is None else steep_arguments(compiled)
         if known is not None:  # the program looks at them by itself
             numbers |= {"columns": len(known.owners), "functions": known.levels.count}
-            arrays["owners"] = whole(known.owners)
+        own = {"scale": problem.scale_x, "constant": constants, "u": problem.u, "p": problem.p}
+        arrays = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in own.items()}
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}
-        self._structure, self._library = library.run.structure(numbers, arrays), library
+        parts = schedule.placed, self.memory.placed, Placed(arrays)
+        self._structure, self._library = library.run.structure(numbers, *parts), library
         return self._structure
 
     def _record(self, loop: EventLoopStructure, start: float, x_start: Vector, m_start: Vector) -> None:
         """Record what the loop has passed."""
         n = loop.rows
         # columns are instants, as solvers deliver them
-        times, x, m = self.memory.row_time[:n].copy(), self.memory.row_x[:n].copy().T, self.memory.row_m[:n].copy().T
+        rows, m = self.memory.row_x[:n].copy(), self.memory.row_m[:n].copy().T
+        times, x = self.memory.row_time[:n].copy(), rows.T
         starts = self.memory.event_row[: loop.events]
         self._fill(times, x, m, starts, start, x_start)
-        before = x.T[starts - 1]
+        before = rows[starts - 1]
         before[starts == 0] = x_start
-        moved = x.T[starts] != before
+        moved = rows[starts] != before
         if self.trace is not None:
             modes = np.hstack([m_start[:, None], m])
             for k, row in enumerate(starts.tolist()):

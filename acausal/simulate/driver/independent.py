@@ -351,7 +351,8 @@ class IndependentSystems:
     def _record(self, stretch: Stretch) -> None:
         """The rows of all systems as rows of the whole."""
         found = merged([member.rows() for member in self.members], stretch.times, self._filled)
-        x, m = (np.repeat(values[:, None], len(found.times), axis=1) for values in (self._x, self._m))
+        # columns are instants, as solvers deliver them
+        x, m = (np.tile(values, (len(found.times), 1)).T for values in (self._x, self._m))
         for k, member in enumerate(self.members):
             x[member.part.states], m[member.part.modes] = found.values(k)
         counters: dict[str, float] = {}

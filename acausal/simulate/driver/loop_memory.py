@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cached_property, partial
+
 import numpy as np
 
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.arguments import arguments as steep_arguments
+from acausal.simulate.native.program import Placed
 
 MOST_EVENTS = 1024
+_WRITTEN = (
+    *("x", "m", "row_time", "row_x", "row_m", "event_time", "event_row", "acts_end", "act", "fired"),
+    *("jump_x", "jump_m", "jump_applied", "jump_advances", "jumps_end"),
+    *("trail_time", "trail_x", "trail_end", "stretch_steps", "stretch_events", "stretch_doubts"),
+)
 # Mesh points of a stretch, on average (`stretches.c`).
 _MESH_POINTS = 8
 _ACTS = 16
@@ -23,6 +32,7 @@ class LoopMemory:
 
     def __init__(self, compiled: CompiledModel, longest: int, is_traced: bool, is_searched: bool) -> None:
         """For schedules with `longest` output times in a segment at most; see `struct event_loop` of event_loop.c."""
+        self._compiled = compiled
         states, events = len(compiled.states), compiled.state_events
         rows, self.acts = longest + 4 * MOST_EVENTS, _ACTS * MOST_EVENTS
         self.events, self.is_traced, self.is_searched = MOST_EVENTS, is_traced, is_searched
@@ -41,6 +51,22 @@ class LoopMemory:
         self.trail_end, self.stretch_steps, self.stretch_events, self.stretch_doubts = (
             np.empty(each, dtype=np.int64) for _ in range(4)
         )
+
+    @cached_property
+    def placed(self) -> Placed:
+        """All of it, and what else equal systems have in common, as compiled code knows it."""
+        compiled = self._compiled
+        events, whole = compiled.state_events, partial(np.array, dtype=np.int64)
+        known = steep_arguments(compiled) if self.is_searched else None
+        arrays = {
+            "assigned_at": whole([a.position for a in events.assignments]),
+            "ends": whole([c.terminate is not None for c in events.clauses]),
+            "ties": whole(compiled.events.ties),
+            "timed": whole(compiled.events.timed),
+            "nominal": np.ascontiguousarray(compiled.nominal_x, dtype=np.float64),
+            **({} if known is None else {"owners": whole(known.owners)}),
+        }
+        return Placed(arrays | {name: getattr(self, name) for name in _WRITTEN})
 
     def suffices(self, longest: int, is_traced: bool, is_searched: bool) -> bool:
         """Whether it will do for such a run of its system or an equal one."""

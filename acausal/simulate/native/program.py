@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import ctypes
 import threading
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -183,3 +185,15 @@ def _pointers(count: int, addresses: list[int]) -> Any:
 def address(array: NDArray[Any]) -> int:
     """Where the numbers of an array are; a third of the time of `array.ctypes.data`."""
     return int(array.__array_interface__["data"][0])
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Arrays that compiled code reads or writes, and where they are, which is asked once for all that use them."""
+
+    arrays: Mapping[str, NDArray[Any]]
+
+    @cached_property
+    def at(self) -> dict[str, int]:
+        """Addresses by name."""
+        return {name: address(array) for name, array in self.arrays.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,6 +30,12 @@ def renamed(name: str, names: Mapping[str, str]) -> str:
     return name
 
 
+def all_renamed(names: Iterable[str], of: Mapping[str, str]) -> list[str]:
+    """The same for many names, most of which have no such beginning."""
+    heads = tuple({_BOUNDARY.split(own, maxsplit=1)[0] for own in of})
+    return [renamed(name, of) if name.removeprefix(_RATE).startswith(heads) else name for name in names]
+
+
 @dataclass(frozen=True, eq=False)
 class Piece:
     """The run of one structure, and its names in the whole result by its own."""
@@ -40,7 +46,7 @@ class Piece:
     @cached_property
     def signals(self) -> dict[str, Signal]:
         """Its signals by their names in the whole."""
-        return {renamed(name, self.names): signal for name, signal in self.result.signals.items()}
+        return dict(zip(all_renamed(self.result.signals, self.names), self.result.signals.values(), strict=True))
 
     def values(self, names: Sequence[str]) -> Array:
         """Values of signals of the whole, shape (n, their number); nan for those it does not have."""

@@ -34,7 +34,7 @@ from acausal.simulate.driver.run import Progress
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
-from acausal.simulate.restructure.joined import Joined, Piece, renamed
+from acausal.simulate.restructure.joined import Joined, Piece, all_renamed, renamed
 from acausal.simulate.restructure.structures import Watch, named, structure
 from acausal.simulate.start.initialize import Start
 
@@ -46,7 +46,7 @@ RunPiece = Callable[
 Seen = Mapping[str, Mapping[str, Array]]
 """What the components watch, by path and name within the component."""
 _log = logging.getLogger(__name__)
-_FIRST = 0.05
+_FIRST = 0.1
 _MOST_USED = 0.5
 # From so much on the structure is chosen anew at a look.
 _WORN = 0.25
@@ -267,16 +267,16 @@ class Pieces:
         """Remember the states."""
         names, states = _labels(self.choices), self._compiled.states
         values = Watch.of(self._compiled, {"": states}).read(piece)[""]
-        for name in states:
-            self.memory[renamed(name, names)] = float(values[name][row])
+        for name, lasting in zip(states, all_renamed(states, names), strict=True):
+            self.memory[lasting] = float(values[name][row])
 
     def start(self) -> Start:
         """States as remembered, or as declared where they are new."""
         compiled = self._compiled
         names = _labels(self.choices)
         x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(np.array(compiled.parameter_values)))
-        for k, name in enumerate(compiled.states):
-            x[k] = self.memory.get(renamed(name, names), x[k])
+        for k, lasting in enumerate(all_renamed(compiled.states, names)):
+            x[k] = self.memory.get(lasting, x[k])
         return Start(x, z, ())
 
     def stuck(self, t: float) -> IntegrationError:

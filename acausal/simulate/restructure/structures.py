@@ -113,12 +113,43 @@ def named(path: str, name: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
+class _Places:
+    """Where the entries of a watch are: those that move, by columns of a result; and names of the others.
+
+    Attributes
+    ----------
+    columns
+        Columns of the result, each once.
+    moving, at, signs
+        Of each entry that moves: its place, its column among those, and the sign with which it is there.
+    others
+        Places and names of the others.
+    """
+
+    columns: list[int]
+    moving: NDArray[np.int64]
+    at: NDArray[np.int64]
+    signs: Array
+    others: list[tuple[int, str]]
+
+    @classmethod
+    def of(cls, entries: Sequence[str], signals: Sequence[Signal]) -> _Places:
+        """Of entries with these signals."""
+        moving = [(k, s.column, s.sign) for k, s in enumerate(signals) if s.column is not None]
+        columns = list(dict.fromkeys(column for _, column, _ in moving))
+        place = {column: k for k, column in enumerate(columns)}
+        there, at = (np.array(v, dtype=np.int64) for v in ([k for k, *_ in moving], [place[c] for _, c, _ in moving]))
+        others = [(k, entries[k]) for k, s in enumerate(signals) if s.column is None]
+        return cls(columns, there, at, np.array([float(sign) for *_, sign in moving]), others)
+
+
+@dataclass(frozen=True, eq=False)
 class Watch:
     """Signals by path of a component and name within it, with their entries in row-major order."""
 
     names: Mapping[str, Mapping[str, tuple[tuple[int, ...], tuple[str, ...]]]]
-    _moving: dict[str, Signal] = field(default_factory=dict)
-    """Where signals are that are not constant: the same in all results of a compiled model."""
+    _known: list[_Places] = field(default_factory=list)
+    """Where they are, once it was asked for: the same in all results of a compiled model."""
 
     @classmethod
     def of(cls, compiled: CompiledModel, names: Names) -> Watch:
@@ -139,19 +170,12 @@ class Watch:
 
     def read(self, result: Result) -> dict[str, dict[str, Array]]:
         """Values by path and name, shape (n, *shape)."""
-        entries = [e for own in self.names.values() for _, elements in own.values() for e in elements]
-        known = self._moving
-        signals = [known.get(e) or result.signals[e] for e in entries]
-        if len(known) < len(entries):
-            known |= {e: s for e, s in zip(entries, signals, strict=True) if s.column is not None}
-        columns = list(dict.fromkeys(s.column for s in signals if s.column is not None))
-        values = result.matrix[:, columns] if result.some is None else result.some(columns)
-        place = {column: k for k, column in enumerate(columns)}
-        whole = np.tile(np.array([s.value for s in signals]), (len(result.time), 1))
-        moving = [(k, place[s.column], float(s.sign)) for k, s in enumerate(signals) if s.column is not None]
-        if moving:
-            there, at_column, signs = (list(v) for v in zip(*moving, strict=True))
-            whole[:, there] = values[:, at_column] * np.array(signs) + 0.0
+        places, constants = self._places(result)
+        values = result.matrix[:, places.columns] if result.some is None else result.some(places.columns)
+        whole = np.empty((len(result.time), len(places.moving) + len(constants)))
+        whole[:, places.moving] = values[:, places.at] * places.signs + 0.0
+        for (place, _), value in zip(places.others, constants, strict=True):
+            whole[:, place] = value
         found: dict[str, dict[str, Array]] = {}
         at = 0
         for path, own in self.names.items():
@@ -160,6 +184,18 @@ class Watch:
                 found[path][name] = whole[:, at : at + len(elements)].reshape(-1, *shape)
                 at += len(elements)
         return found
+
+    def _places(self, result: Result) -> tuple[_Places, list[float]]:
+        """Where the entries are, and the values of those that do not move, which each result has its own of."""
+        for known in self._known:
+            others = [result.signals[name] for _, name in known.others]
+            if all(s.column is None for s in others):
+                return known, [s.value for s in others]
+        entries = [e for own in self.names.values() for _, elements in own.values() for e in elements]
+        signals = [result.signals[e] for e in entries]
+        places = _Places.of(entries, signals)
+        self._known[:] = [places]
+        return places, [signals[k].value for k, _ in places.others]
 
 
 _MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[str, ...], ...], Watch]] = WeakKeyDictionary()

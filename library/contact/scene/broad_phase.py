@@ -86,7 +86,11 @@ def overlapping(low: Array, high: Array, first: NDArray[np.int_], second: NDArra
 
 def gaps(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
     """The inflation [m] at which the boxes of each pair overlap, half of it for each box; shape (n,)."""
-    return np.asarray(np.maximum(low[first] - high[second], low[second] - high[first]).max(axis=1, initial=-np.inf))
+    found = np.full(len(first), -np.inf)
+    for lowest, highest in zip(low.T.copy(), high.T.copy(), strict=True):  # rows of three are slow to take
+        np.maximum(found, lowest[first] - highest[second], out=found)
+        np.maximum(found, lowest[second] - highest[first], out=found)
+    return found
 
 
 def _swept(body: ContactBody) -> tuple[Array, Array]:
