@@ -238,7 +238,8 @@ def _cubic(times: Vector, states: Vector, rates: Vector, t: float) -> Vector:
     k = min(max(int(np.searchsorted(times, t)) - 1, 0), len(times) - 2)
     h, change = times[k + 1] - times[k], states[k + 1] - states[k]
     s = (t - times[k]) / h
-    bend = s * (s - 1) * ((1 - 2 * s) * change + h * ((s - 1) * rates[k] + s * rates[k + 1]))
+    with np.errstate(invalid="ignore"):  # rates beside a singular point may be infinite; no solution is nan
+        bend = s * (s - 1) * ((1 - 2 * s) * change + h * ((s - 1) * rates[k] + s * rates[k + 1]))
     return np.asarray(states[k] + s * change + bend)
 
 

@@ -153,7 +153,9 @@ def _joined(whole: Rows, some: NDArray[np.intp]) -> NDArray[np.bool_]:
 def _turning(joined: NDArray[np.bool_], signs: Vector, sizes: Vector) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether determinants have another sign in the next row, and whether they dip in a row, shape (blocks, rows)."""
     flips, dips = np.zeros(signs.shape, dtype=bool), np.zeros(signs.shape, dtype=bool)
-    flips[:, :-1] = joined & (signs[:, 1:] * signs[:, :-1] < 0.0)
+    kept = signs.copy()  # a row exactly on a zero has the sign of the one before
+    kept[:, 1:] = np.where(signs[:, 1:] == 0.0, signs[:, :-1], signs[:, 1:])
+    flips[:, :-1] = joined & (kept[:, 1:] * kept[:, :-1] < 0.0)
     if signs.shape[1] >= 5:
         inside = joined[:-3] & joined[1:-2] & joined[2:-1] & joined[3:]
         left, right = np.maximum(sizes[:, :-4], sizes[:, 1:-3]), np.maximum(sizes[:, 3:-1], sizes[:, 4:])
