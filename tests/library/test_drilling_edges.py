@@ -18,7 +18,9 @@ import acausal
 from acausal import Component, Equations, Real, connect, fixed, parameter, part, quantity, structural, time
 from acausal.library.blocks import TimeTable
 from acausal.library.contact import Box, Capsule, Cone, ConvexHull, Cylinder, Shape, Sphere
+from acausal.library.contact.collide.axis.crossing import crossing_function
 from acausal.library.contact.collide.axis.edges import edge_distance_function
+from acausal.library.contact.collide.axis.engaged import engaged_function
 from acausal.library.drilling import (
     TWIST_DRILL_16MM,
     ConvexLevel,
@@ -224,7 +226,6 @@ def differences(shape: Shape, pose: tuple[Any, Any], x: float, r: acausal.Result
 
 
 TURNED = axis_rotation((0.0, 1.0, 0.0), math.radians(35.0))
-LYING = axis_rotation((0.0, 1.0, 0.0), math.pi / 2)
 CUTS: dict[str, tuple[Shape, tuple[Any, Any], float, bool]] = {
     "roof": (HOUSE, ((0.0, 0.0, 0.0), IDENTITY), 0.0, True),
     "roof from within": (HOUSE, ((0.0, 0.0, 0.03), axis_rotation((1.0, 0.0, 0.0), math.pi)), 0.0, True),
@@ -238,10 +239,6 @@ CUTS: dict[str, tuple[Shape, tuple[Any, Any], float, bool]] = {
         False,
     ),
     "small ball": (Sphere(0.02), ((0.0, 0.0, 0.025), IDENTITY), 0.0, True),
-    "large ball": (Sphere(0.5), ((0.0, 0.0, 0.501), IDENTITY), 0.0, False),
-    "shaft across": (Cylinder(0.02, 0.1), ((0.0, 0.0, 0.025), LYING), 0.0, True),
-    "capsule": (Capsule(0.02, 0.05), ((0.0, 0.0, 0.025), LYING), 0.01, True),
-    "tip of a cone": (Cone(0.03, 0.02), ((0.0, 0.0, 0.005), IDENTITY), 1e-3, True),
 }
 
 
@@ -256,6 +253,42 @@ def test_a_cut_that_is_no_ring_is_told_and_no_other(name: str) -> None:
     if notes:
         assert notes[0] <= r.time[least > 0.055][0]
         assert notes[0] >= r.time[most > 0.05][0] - 0.2
+
+
+def test_any_cut_in_any_shape_is_judged_as_its_integral_says() -> None:
+    """Random drills through all shapes, half of them along z: width and area by points of the cone.
+
+    Cuts that differ by 3 to 8 % are not asked, as the points and the lines of the cone know only so much.
+    """
+    rng, seen = np.random.default_rng(3), {True: 0, False: 0}
+    radii, angles = (np.arange(80) + 0.5) / 80 * RADIUS, np.arange(72) / 72 * 2 * math.pi
+    shapes = (HOUSE, Box((0.06, 0.1, 0.03)), Sphere(0.3), Cylinder(0.02, 0.05), Capsule(0.02, 0.05), Cone(0.03, 0.02))
+    for k in range(180):
+        shape, e = shapes[k % 6], rng.normal(size=3) if k % 2 else np.array([0.0, 0.0, -1.0])
+        e = e / np.linalg.norm(e)
+        one = np.cross(e, [0.6, 0.8, 0.1]) / np.linalg.norm(np.cross(e, [0.6, 0.8, 0.1]))
+        tip = rng.uniform(-0.015, 0.015, 3) - shape.support(-e) @ e * e + e * rng.uniform(0.0, 0.02)
+        depth, beyond, beside, _ = (np.array(v).ravel()[0] for v in crossing_function(shape).call([tip, e]))
+        if beside or depth < 1e-3:
+            continue
+        ways = [math.cos(a) * one + math.sin(a) * np.cross(e, one) for a in angles]
+        points = np.array([tip + rho * (way - e / SLOPE) for rho in radii for way in ways])
+        share = (outside(shape, points) < 0.0).reshape(80, 72).mean(axis=1)
+        real = np.array([share.sum(), 2 * (share * radii).sum()]) * RADIUS / 80
+        cone = RADIUS / SLOPE
+        ring, most = (
+            np.array([SLOPE * (o - i), SLOPE**2 * (o**2 - i**2)])
+            for o, i in (
+                np.clip([depth, beyond], 0.0, cone),
+                (min(depth, cone), max(min(depth, cone) - depth + beyond, 0)),
+            )
+        )
+        gap = (np.abs(real - ring) / most).max()
+        clear = float(engaged_function(shape)(tip, e, depth, beyond, 2 * RADIUS, SLOPE)) > 0
+        if not 0.03 < gap < 0.08:
+            assert clear == (gap < 0.05), (shape, tip, e)
+            seen[clear] += 1
+    assert min(seen.values()) > 10
 
 
 class HoleAtTheEdge(HolesSideBySide):
