@@ -111,8 +111,7 @@ def flatten(
     builder = _Builder(pool, found, number_of, free, open_inputs(found[0], cut))
     builder.slopes()  # before counting scalars: rules for derivatives may add unknowns
     n_scalars, table = pool.n_variables, tuple(free.table())
-    equations = builder.leaf_equations(leaves)
-    equations += [e for number, items in composites.items() for e in builder.all(found[number], items)]
+    equations = builder.leaf_equations(leaves) + builder.composite_equations(composites)
     equations = cut_equations(pool, found, equations, cut)
     inputs = input_scalars(found, builder.open)
     discrete = places(found, inputs)
@@ -312,6 +311,10 @@ class _Builder:
                 equations += stated
                 self.asserts += demanded
         return equations
+
+    def composite_equations(self, stated: Mapping[int, Sequence[Statement]]) -> list[FlatEquation]:
+        """Equations of components with parts, by their numbers."""
+        return [e for number, items in stated.items() for e in self.all(self.found[number], items)]
 
     def slopes(self) -> None:
         """Enter the rules for derivatives of overconstrained variables, once per set of connected frames."""

@@ -109,17 +109,13 @@ def compare(
         )
     elif not quiet:
         _listed(found[:count])
-        alone = len(set(a.names) ^ set(b.names))
         verdict = (
             f"{counted(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
         )
         say(
-            f"{counted(len(found), 'common signal')}, {alone} in one file only, compared at "
+            f"{counted(len(found), 'common signal')}, {len(set(a.names) ^ set(b.names))} in one file only, compared at "
             f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
         )
-        for d in found[:count]:
-            if d.absolute == math.inf:
-                say(f"{d.name} is no number in one of the files at {d.time:.6g} s; leave out rows without a value")
         if short:
             covered, asked = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
             say(f"{second.name} covers {covered} the {asked} {first.name}: out of tolerance")
@@ -134,6 +130,9 @@ def _listed(found: list[Deviation]) -> None:
         (d.name, f"{d.relative:.3g}", f"{d.absolute:.3g}", f"{d.time:.6g} s", f"{d.rms:.3g}", d.unit) for d in found
     ]
     table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
+    for d in found:
+        if d.absolute == math.inf:
+            say(f"{d.name} is no number in one of the files at {d.time:.6g} s; leave out rows without a value")
 
 
 def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[Deviation]:
