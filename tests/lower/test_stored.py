@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, private
+from acausal import Component, Equations, Real, der, fixed, lookup, private, variable
 from acausal.language.expressions.external import Call, External
 from acausal.lower.cache import cache, stored
 from acausal.models.drilling_dynamic import ThickBlock
@@ -126,5 +128,66 @@ def test_what_only_this_process_knows_has_no_key() -> None:
     assert stored._key((1, "a", 2.5, (None, True))) is not None
     assert stored._key((1, lambda: value)) is None
     assert stored._key((object(),)) is None
-    # a word like others, but what it calls may be another function tomorrow
-    assert stored._key((Call(External("f", lambda: None, inputs=[()], outputs=[()]), 0),)) is None
+
+
+class _Asked(ca.Callback):
+    """A function of Python, of which nobody else knows what it computes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.construct("asked", {})
+
+    def eval(self, arg: Any) -> Any:
+        return [arg[0]]
+
+
+def test_external_functions_are_known_by_what_they_compute() -> None:
+    """A word like others, but what it calls may be another function tomorrow."""
+
+    def key(make: Callable[[], Any]) -> str | None:
+        return stored._key((Call(External("f", make, inputs=[()], outputs=[()]), 0),))
+
+    def power(k: int) -> Any:
+        x = ca.SX.sym("x")
+        return ca.Function("f", [x], [x**k])
+
+    asked = _Asked()
+    assert key(lambda: power(2)) == key(lambda: power(2)) != key(lambda: power(3))
+    assert key(lambda: asked) is None
+    assert key(lambda: None) is None
+
+
+def _square() -> Any:
+    x = ca.SX.sym("x")
+    return ca.Function("square", [x], [x**2])
+
+
+SQUARE = External("square", _square, inputs=[()], outputs=[()])
+TABLE = lookup([-1.0, 0.0, 2.0], [(-1.0, 1.0), (0.0, 1.0)])
+
+
+class Falling(Component):
+    """x' = -(x^2 + x) from 1, with the square by a function, of which a derivative is taken, and x by a table."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+    rate: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == SQUARE(self.x)
+        yield self.rate == der(self.y)
+        yield der(self.x) == -self.y - TABLE(self.x)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_models_with_external_functions_are_read(solver: str) -> None:
+    """x / (1 + x) = exp(-t) / 2, and y' = 2 x x'."""
+    first = acausal.compile(Falling())
+    read = another_process(Falling())
+    assert was_read(read)
+    found, again = (acausal.simulate(m, stop_time=1.0, tolerance=1e-9, solver=solver) for m in (first, read))
+    assert np.array_equal(found.matrix, again.matrix)
+    share = math.exp(-1.0) / 2.0
+    x = share / (1.0 - share)
+    assert again.final("x") == pytest.approx(x, abs=1e-7)
+    assert again.final("rate") == pytest.approx(-2.0 * x * (x**2 + x), abs=1e-6)

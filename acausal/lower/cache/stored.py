@@ -2,8 +2,8 @@
 
 A structure that took long to compile (`cache.py`) is also written to a private folder (`acausal.private`), where the
 next process that flattens the same equations finds it. The key is a hash of the signature, of the sources of the
-compiler, and of the versions of Python, NumPy and CasADi. A signature that contains an object without a stable content
-has no key, and such a model is compiled in each process.
+compiler, and of the versions of Python, NumPy and CasADi. External functions count with the operations that they make.
+A signature that contains an object without a stable content has no key, and such a model is compiled in each process.
 
 A file holds pickled objects of a compiled model and CasADi functions in CasADi's serialisation. It is unpickled only if
 the digest of the folder is right, and only with names from a table: classes of the compiler, components that are
@@ -33,11 +33,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.errors import AcausalError
 from acausal.flatten.flat import FlatSystem
 from acausal.language.component import Component
 from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation
+from acausal.language.expressions.external import Call, External
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.external import function
 from acausal.private import discard, folder, home, place
 from acausal.private import find as file_of
 
@@ -67,6 +70,9 @@ _ALLOWED = {
     ("builtins", "str"),
 }
 
+# Functions of CasADi whose serialisation is all that they compute.
+_KNOWN_FUNCTIONS = frozenset(("SXFunction", "MXFunction", "Map", "Switch", "LinearInterpolant", "BSplineInterpolant"))
+
 
 class _Unknown(Exception):
     """An object without a content that is the same in every process."""
@@ -81,7 +87,7 @@ def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
     if path is None:
         return None
     try:
-        found = _Reader(io.BytesIO(path.read_bytes())).load()
+        found = _Reader(io.BytesIO(path.read_bytes()), _externals(signature)).load()
         os.utime(path)  # mark as recently used
     except Exception as error:  # any failure: the model can be compiled again
         _log.info("%s is not read: %r", path, error)
@@ -100,7 +106,7 @@ def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
         return
     try:
         content = io.BytesIO()
-        _Writer(content, protocol=5).dump(_bare(compiled))
+        _Writer(content, _externals(signature)).dump(_bare(compiled))
         kept = home(_KIND)
         with tempfile.TemporaryDirectory(prefix="write-", dir=kept) as scratch:
             made = Path(scratch) / "model"
@@ -133,16 +139,35 @@ def _bare(compiled: CompiledModel) -> CompiledModel:
     return bare
 
 
+def _externals(signature: tuple[Any, ...]) -> list[External]:
+    """The external functions of a flat system, in the order in which its nodes call them."""
+    return list(dict.fromkeys(op.external for op, *_ in signature[2] if isinstance(op, Call)))
+
+
+def _external(place: int, derivatives: int) -> External:
+    """How an external function is written: its place among those of the flat system, which brings its own."""
+    raise NotImplementedError  # `_Reader` has its own
+
+
 class _Writer(pickle.Pickler):
     """Writes no statements: a flat system brings its own, with their places (`_is_plain`, `cache._with_values`).
 
     Their texts took seven tenths of the time of storing 256 balls, whose assertions are long.
     """
 
+    def __init__(self, file: io.BytesIO, externals: list[External]) -> None:
+        super().__init__(file, protocol=5)
+        self.places = {external: k for k, external in enumerate(externals)}
+
     def reducer_override(self, obj: Any) -> Any:
         """How something is written that would need a component, or only this process knows."""
         if isinstance(obj, Equation | Assertion):
             return str, ()
+        if isinstance(obj, External):
+            own, derivatives = obj, 0
+            while own not in self.places and own.primal is not None:
+                own, derivatives = own.primal, derivatives + 1
+            return (_external, (self.places[own], derivatives)) if own in self.places else NotImplemented
         if isinstance(obj, Component):
             raise pickle.PicklingError(f"a {type(obj).__name__} is in the compiled model")
         return NotImplemented
@@ -151,8 +176,21 @@ class _Writer(pickle.Pickler):
 class _Reader(pickle.Unpickler):
     """Reads data and names of the table."""
 
+    def __init__(self, file: io.BytesIO, externals: list[External]) -> None:
+        super().__init__(file)
+        self.externals = externals
+
+    def external(self, place: int, derivatives: int) -> External:
+        """The external function of the flat system that reads, or its partial derivatives."""
+        found = self.externals[place]
+        for _ in range(derivatives):
+            found = found.partials
+        return found
+
     def find_class(self, module: str, name: str) -> Any:
         """A class that is there already and may be named in a file."""
+        if (module, name) == (__name__, _external.__name__):
+            return self.external
         named = (module, name) in _ALLOWED or module.split(".")[:2] in _OWN
         found: Any = import_module(module) if named else sys.modules.get(module)
         for part in name.split("."):
@@ -224,18 +262,34 @@ def _parts(value: Any, known: dict[int, Any]) -> Iterator[Any]:
         yield from (str(value.dtype), value.shape, value.tobytes())
     elif isinstance(value, ca.Function):
         yield value.serialize()
+    elif isinstance(value, Call):
+        yield from (_plain_content(value.external, known), value.entry)
+    elif isinstance(value, External):
+        yield from (value.name, value.inputs, value.outputs, value.units, value.jumps, _operations(value))
     elif is_dataclass(value):
         yield from (_plain_content(getattr(value, f.name), known) for f in fields(value))
     else:
         raise _Unknown(kind)
 
 
-def _function(function: FunctionType) -> tuple[Any, ...]:
+def _operations(external: External) -> Any:
+    """What an external function computes, whatever makes it."""
+    try:
+        made = function(external)
+        parts = {f.class_name() for f in (made, *made.find_functions())}
+    except AcausalError as error:
+        raise _Unknown(external) from error
+    if not parts <= _KNOWN_FUNCTIONS:  # Python's functions are written without their text, libraries as a path
+        raise _Unknown(external)
+    return made.serialize()
+
+
+def _function(value: FunctionType) -> tuple[Any, ...]:
     """Where a function stands, and all of the file it stands in."""
-    if function.__closure__ or function.__defaults__ or function.__kwdefaults__:
-        raise _Unknown(function)
-    code = function.__code__
-    return function.__module__, function.__qualname__, code.co_firstlineno, _content(code.co_filename)
+    if value.__closure__ or value.__defaults__ or value.__kwdefaults__:
+        raise _Unknown(value)
+    code = value.__code__
+    return value.__module__, value.__qualname__, code.co_firstlineno, _content(code.co_filename)
 
 
 @cache
