@@ -173,6 +173,8 @@ def crowded() -> dict[str, int]:
 
 
 def main() -> None:
+    if Path(acausal.__file__).resolve().parents[1] != ROOT:
+        sys.exit(f"acausal is imported from {Path(acausal.__file__).parent}, the walks are those of {ROOT}: install it")
     first = walk(lambda: acausal.simulate(Oscillator())).figures()
     passed = {solver: bounces(solver)[1].figures() for solver in ("idas", "rosenbrock")}
     scaled, rings, full = scalings(), circles(), crowded()
