@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -47,9 +48,8 @@ def test_options_that_are_read_are_declared(file: Path) -> None:
 @pytest.mark.parametrize("file", sorted(BENCHMARKS.glob("*.py")), ids=lambda file: file.stem)
 def test_what_is_imported_from_the_package_is_there(file: Path) -> None:
     """A function that nothing else called was deleted, and two benchmarks no longer started."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").partition(".")[0] == "acausal":
-            module = importlib.import_module(node.module or "")
-            for name in node.names:
-                if not hasattr(module, name.name):
-                    importlib.import_module(f"{node.module}.{name.name}")
+    imports = [n for n in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(n, ast.ImportFrom)]
+    wanted = {(n.module or "", name.name) for n in imports for name in n.names}
+    own = {(module, name) for module, name in wanted if module.partition(".")[0] == "acausal"}
+    there = {(module, name) for module, name in own if hasattr(importlib.import_module(module), name)}
+    assert {f"{module}.{name}" for module, name in own - there if find_spec(f"{module}.{name}") is None} == set()

@@ -74,9 +74,8 @@ def compare(
     """
     from acausal.result.result import load
 
-    for flag, number in (("--tolerance", tolerance), ("--floor", floor)):
-        if not 0.0 < number < math.inf:
-            raise UsageError("AC009", f"{flag} {number:g}: not a positive number", help=f"{flag} 1e-9")
+    _check_positive("--tolerance", tolerance)
+    _check_positive("--floor", floor)
     a, b = load(first), load(second)
     picture = plot_file or (second.with_suffix(".png") if plot else None)
     if picture is not None:
@@ -109,12 +108,10 @@ def compare(
         )
     elif not quiet:
         _listed(found[:count])
-        verdict = (
-            f"{counted(len(bad), 'signal')} out of tolerance {tolerance:g}" if bad else f"all within {tolerance:g}"
-        )
+        verdict = f"{counted(len(bad), 'signal')} out of tolerance" if bad else "all within"
         say(
             f"{counted(len(found), 'common signal')}, {len(set(a.names) ^ set(b.names))} in one file only, compared at "
-            f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict}"
+            f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict} {tolerance:g}"
         )
         if short:
             covered, asked = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
@@ -123,6 +120,11 @@ def compare(
             remark(f"wrote {picture}")
     if bad or short:
         raise typer.Exit(OUT_OF_TOLERANCE)
+
+
+def _check_positive(flag: str, number: float) -> None:
+    if not 0.0 < number < math.inf:
+        raise UsageError("AC009", f"{flag} {number:g}: not a positive number", help=f"{flag} 1e-9")
 
 
 def _listed(found: list[Deviation]) -> None:
