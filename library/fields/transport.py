@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acausal import Component, Equations, Expr, Real, concatenate, der, parameter, structural, variable, where
+from acausal import Component, Equations, Expr, Real, assert_, concatenate, der, parameter, structural, variable, where
 from acausal.errors import DeclarationError
 from acausal.library.fields.interfaces import ConcentrationPort
 
@@ -18,8 +18,9 @@ class PartialChannel(Component):
     profile is smooth, and no new extremes). The velocity may have either sign.
 
     An open port is a closed wall. Where an end is free (`free_a`, `free_b`), the profile leaves without a gradient, and
-    its port only shows the concentration there: leave it open. Without diffusion an end where nothing flows in has to
-    be free, or connected: else nothing fixes the concentration there (AC203).
+    its port only shows the concentration there. What flows in at a free end has the concentration of the last cell.
+    Without diffusion an end where nothing flows in has to be free, or connected: else nothing fixes the concentration
+    there (AC203). A run ends (AC503) where a component that is connected to a free end takes or gives substance there.
     Sources: S. V. Patankar (1980), chapter 5; B. van Leer, J. Comput. Phys. 14 (1974) 361.
 
     Raises
@@ -63,12 +64,12 @@ class PartialChannel(Component):
         at_b = -self.v * where(self.v > 0.0, c[-1], self.port_b.c) + 2.0 * self.D * (self.port_b.c - c[-1]) / dx
         if self.free_a:
             at_a = self.v * c[0]
-            yield self.port_a.c == c[0]
+            yield from _free_end(self.port_a, c[0])
         else:
             yield self.port_a.n_flow == self.A * at_a
         if self.free_b:
             at_b = -self.v * c[-1]
-            yield self.port_b.c == c[-1]
+            yield from _free_end(self.port_b, c[-1])
         else:
             yield self.port_b.n_flow == self.A * at_b
         flux = concatenate(at_a, *((self._inner(dx),) if self.n > 1 else ()), -at_b)
@@ -84,6 +85,13 @@ class PartialChannel(Component):
             left = concatenate(left[0], left[1:] + half)
             right = concatenate(right[:-1] - half, right[-1])
         return self.v * where(self.v > 0.0, left, right) - self.D * rise / dx
+
+
+def _free_end(port: ConcentrationPort, c: Expr) -> Equations:
+    """The port shows the concentration c [mol/m3] of the last cell; what a component took there came from nowhere."""
+    yield port.c == c
+    flows = port.n_flow * port.n_flow > 0.0
+    yield assert_(~flows, "substance flows through the port of a free end: leave it open, or let the end not be free")
 
 
 def _slope(a: Expr, b: Expr) -> Expr:

@@ -154,3 +154,20 @@ def test_a_reaction_of_ones_own() -> None:
 def test_an_unknown_scheme_is_refused() -> None:
     with pytest.raises(DeclarationError, match="van_leer"):
         Channel(scheme="superbee")
+
+
+class InSeries(Component):
+    """A channel whose free end feeds another channel: the balance of neither counts what flows between them."""
+
+    source: FixedConcentration = FixedConcentration(c=1.0)
+    first: Channel = Channel(n=5, v=1.0, free_b=True)
+    second: Channel = Channel(n=5, v=0.5, free_b=True)
+
+    def equations(self) -> Equations:
+        yield connect(self.source.port, self.first.port_a)
+        yield connect(self.first.port_b, self.second.port_a)
+
+
+def test_a_free_end_that_is_connected_is_refused() -> None:
+    with pytest.raises(acausal.errors.AcausalError, match="port of a free end"):
+        acausal.simulate(InSeries(), stop_time=1.0)
