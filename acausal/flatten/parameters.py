@@ -167,23 +167,30 @@ def check_limit(
     if declaration.min <= value <= declaration.max and not math.isnan(value):
         return
     unit = f" {declaration.unit}" if declaration.unit not in ("", "1") else ""
-    limits = f"is outside its limits {declaration.min:g} ... {declaration.max:g}"
+    if math.isnan(value):
+        fault = "is not a number"
+    elif value <= 0.0 < declaration.min <= _TINY:
+        fault = "is not positive"
+    else:
+        fault = f"is outside its limits {declaration.min:g} ... {declaration.max:g}"
     raise DeclarationError(
         "AC136",
-        f"{path}{suffix} = {value:g}{unit} {'is not positive' if value <= 0.0 < declaration.min <= _TINY else limits}",
+        f"{path}{suffix} = {value:g}{unit} {fault}",
         where=where(),
         evidence=[f"{path}   {declaration.doc}"] if declaration.doc else [],
-        help=f"give a value {_limits(declaration)}{unit}",
+        help=f"give {_limits(declaration, unit)}",
     )
 
 
-def _limits(declaration: Declaration) -> str:
+def _limits(declaration: Declaration, unit: str) -> str:
     low, high = declaration.min, declaration.max
+    if math.isinf(low) and math.isinf(high):
+        return "a number"
     if 0.0 < low <= _TINY:
-        return "greater than 0" + ("" if math.isinf(high) else f", up to {high:g}")
+        return "a value greater than 0" + ("" if math.isinf(high) else f", up to {high:g}") + unit
     if math.isinf(high):
-        return "that is a number" if math.isinf(low) else f"of at least {low:g}"
-    return f"of at most {high:g}" if math.isinf(low) else f"from {low:g} to {high:g}"
+        return f"a value of at least {low:g}{unit}"
+    return f"a value of at most {high:g}{unit}" if math.isinf(low) else f"a value from {low:g} to {high:g}{unit}"
 
 
 def check_values(flat: FlatSystem, values: Sequence[float]) -> None:
