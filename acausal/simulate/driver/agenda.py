@@ -175,13 +175,15 @@ class Stretch:
 class Place:
     """How far a run has come: `here` [s], in which segment.
 
-    `entered` says whether the event at the start of the stretch has been, `fresh` that nothing has followed it yet.
+    `entered` says whether the event at the start of the stretch has been, `fresh` that nothing has followed it yet,
+    `arrived` that the event of a variable is here, and has not been passed.
     """
 
     segment: int
     here: float
     entered: bool
     fresh: bool
+    arrived: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -153,7 +153,7 @@ class Driver:
     def _compiled(self, loop: EventLoop | None, place: Place) -> Place | None:
         """Where compiled code comes to from here, if it does."""
         # the first instant is that of the start, about which compiled code knows nothing
-        if loop is None or loop.has_stalled or (place.segment == 0 and not place.entered):
+        if loop is None or loop.has_stalled or place.arrived or (place.segment == 0 and not place.entered):
             return None
         most = None if self.report is None else max(1, self.agenda.schedule.segments // _REPORTS)
         reached = pass_compiled(self.dynamics, loop, place, most)
@@ -185,7 +185,7 @@ class Driver:
             self.dynamics.moved(x, z, self.dynamics.reached.m)
             return self._left(self.entered, place, complete=False)
         if stop is not None and self.dynamics.terminated is None:
-            return replace(place, here=stop, fresh=False)
+            return replace(place, here=stop, fresh=False, arrived=False)
         return self._left(self.entered, place, complete=True)
 
     def _left(self, stretch: Stretch, place: Place, complete: bool) -> Place:

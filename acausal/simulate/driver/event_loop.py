@@ -166,14 +166,14 @@ class EventLoop:
         if not loop.rows:
             return None
         self._record(loop, place.here, x, m)
-        here = Place(loop.segment, loop.here, bool(loop.entered), bool(loop.fresh))
+        here = Place(loop.segment, loop.here, bool(loop.entered), bool(loop.fresh), bool(loop.arrived))
         return LoopState(here, self.memory.x.copy(), self.memory.m.copy(), float(loop.first))
 
     def _run(self, library: Library[EventLoopProgram], loop: EventLoopStructure, start: LoopState, events: int) -> None:
         """Run from a start as far as it goes with fewer than so many events."""
         place = start.place
         loop.segment, loop.here, loop.event_capacity = place.segment, place.here, events
-        loop.entered, loop.fresh, loop.first = place.entered, place.fresh, start.pace
+        loop.entered, loop.fresh, loop.arrived, loop.first = place.entered, place.fresh, False, start.pace
         self.memory.x[:], self.memory.m[:] = start.x, start.m
         if self.bounces is not None:
             loop.count = self.bounces.count

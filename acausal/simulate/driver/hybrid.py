@@ -209,6 +209,9 @@ class Hybrid:
     def advance(self, stretch: Stretch, place: Place) -> float | None:
         """Integrate to the next event, or to the end of the stretch, and pass it; see `driver.Dynamics`."""
         here, moment, times = place.here, self.reached, stretch.times
+        if place.arrived:
+            self._relax()
+            return self._passed(here, moment)
         if not place.fresh:
             times = times[times > here + 1e-13 * max(self.span, abs(here))]
         if not len(times):
@@ -234,6 +237,10 @@ class Hybrid:
         here = stop.time
         left = self.iteration.consistent(here, Moment(stop.x, stop.z, moment.m, moment.regime))
         self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
+        return self._passed(here, left)
+
+    def _passed(self, here: float, left: Moment) -> float:
+        """Pass the event of a variable at this instant, up to which all is recorded; the instant."""
         fired = self.guards.fired(here, left)
         happened = self.event(here, left, fired)
         self.passages.append(Passage(here, left, int(np.argmax(fired)), happened))
@@ -330,8 +337,7 @@ class Hybrid:
             return self.searched(segment, moment, self.band(segment.start, moment))
         failures, mark = 0, segment.start
         while True:
-            # errors that an implicit step leaves; those of an explicit one have not relaxed
-            self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
+            self._relax()
             mesh = self.mesh(segment)
             wide = replace(segment, times=np.union1d(segment.times[segment.times <= mesh[-1]], mesh))
             try:
@@ -361,13 +367,17 @@ class Hybrid:
             self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
             reached = stop.time if stop.time is not None else float(mesh[-1])
             self.pace = pace(segment.start, reached, stop.piece.counters)
-            self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
+            self._relax()
             if stop.time is not None or reached >= segment.times[-1]:
                 return stop
             self._gap = reached - segment.start
             rest = segment.times[segment.times > reached]
             segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self.pace)
             moment = Moment(stop.x, stop.z, moment.m, moment.regime)
+
+    def _relax(self) -> None:
+        """Take errors as an implicit step leaves them; those of an explicit one have not relaxed."""
+        self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
 
     def _stopped(self, segment: Segment, moment: Moment) -> Stop | None:
         """Where the solver stops by itself; None where it may have passed over what a steep function does.

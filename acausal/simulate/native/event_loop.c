@@ -3,8 +3,8 @@
    What an event means is the function `event_round`, made by the compiler (acausal/lower/events/round.py); around it this
    does what simulate/driver/hybrid.py, events/iteration.py and rest.py do, as far as it is ordinary. Whatever is not (a
    relation that flips three times, a guard that lingers on zero, rest, an end, a broken assertion, a crossing that the
-   integrator has missed, anything not finite) is not decided here: the run is put back to the start of the stretch, or
-   before the instant, and Python goes on from there.
+   integrator has missed, anything not finite) is not decided here: the run is put back to before the event, or to the
+   start of a stretch that has failed, and Python goes on from there.
 
    Linked with CasADi's code of `segment`, `judged` and `event_round`. Where nothing but time makes events, PLAIN is
    defined: there is only a `segment`, without stop watch and stop flag behind its states. */
@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DONE = 0, FULL = 1, UNUSUAL = 2, INTERRUPTED = 100 };
+enum { DONE = 0, FULL = 1, UNUSUAL = 2, ARRIVED = 3, INTERRUPTED = 100 };
 enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, MESH = 2 }; /* what an instant is asked for */
 enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
@@ -60,8 +60,8 @@ struct event_loop {
   const double *scale, *nominal, *constant, *u, *p;
   const double *boundary, *timely_modes, *due, *times;
   const count_t *times_end;
-  /* where it is; `entered` once the event at the start of its segment has been */
-  count_t segment, entered, fresh;
+  /* where it is; `entered` once the event at the start of its segment has been, `arrived` at an event that was not passed */
+  count_t segment, entered, fresh, arrived;
   double here, first; /* `first` is the mean step of the stretch before, 0 at the start */
   double *x, *m;
   /* bounces (rest.py) */

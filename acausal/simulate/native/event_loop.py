@@ -33,7 +33,7 @@ class EventLoopStructure(ctypes.Structure):
         *_fields(ctypes.c_double, "span relative absolute step"),
         *_fields(ctypes.c_void_p, "assigned_at ends ties timed impossible"),
         *_fields(ctypes.c_void_p, "scale nominal constant u p boundary timely_modes due times times_end"),
-        *_fields(ctypes.c_longlong, "segment entered fresh"),
+        *_fields(ctypes.c_longlong, "segment entered fresh arrived"),
         *_fields(ctypes.c_double, "here first"),
         *_fields(ctypes.c_void_p, "x m"),
         *_fields(ctypes.c_longlong, "count"),

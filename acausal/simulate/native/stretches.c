@@ -90,6 +90,32 @@ static count_t mesh_points(const struct event_loop* s, double span) {
   return found < MESH_POINTS ? (count_t) found : MESH_POINTS;
 }
 
+/* The event at the end of a stretch. Where it is not ordinary, the run stays before it, and the stretch is not lost. */
+static int pass_event(struct event_loop* s, struct space* o, double time) {
+  struct event_loop kept = *s;
+  count_t k;
+  int changed = 0, status;
+  memcpy(o->x0, s->x, s->states * sizeof(double));
+  memcpy(o->left_m, s->m, s->modes * sizeof(double));
+  status = find_fired(s, o, time);
+  memcpy(o->approach, o->rate, s->relations * sizeof(double));
+  for (k = 0; !status && k < s->relations; ++k)
+    if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
+  if (!status) status = settle(s, o, time, o->left_m, 0);
+  for (k = 0; k < s->states; ++k) changed |= s->x[k] != o->x0[k];
+  if (!status && changed) status = may_land(s, o, time, o->approach);
+  if (!status) status = count_event(s, o, time);
+  if (status) {
+    *s = kept;
+    memcpy(s->x, o->x0, s->states * sizeof(double));
+    memcpy(s->m, o->left_m, s->modes * sizeof(double));
+    s->arrived = 1;
+    return ARRIVED;
+  }
+  record_event(s, time, o->fired);
+  return 0;
+}
+
 /* A stretch, and the event that ends it. */
 static int stretch(struct event_loop* s, struct space* o) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
@@ -97,7 +123,7 @@ static int stretch(struct event_loop* s, struct space* o) {
   count_t points = s->relations ? mesh_points(s, end - s->here) : 1, mesh = 1; /* the end is always one */
   count_t wide = 0, k, steps = s->steps;
   double time;
-  int changed = 0, found = 0;
+  int found = 0;
   s->begun = s->steps;
   s->run.doubts = s->run.sample ? 0 : 1;
   o->step = s->first;
@@ -173,18 +199,7 @@ static int stretch(struct event_loop* s, struct space* o) {
     return 0;
   }
   record(s, time, s->x);
-  memcpy(o->x0, s->x, s->states * sizeof(double));
-  if (find_fired(s, o, time)) return UNUSUAL;
-  memcpy(o->left_m, s->m, s->modes * sizeof(double));
-  memcpy(o->approach, o->rate, s->relations * sizeof(double));
-  for (k = 0; k < s->relations; ++k)
-    if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
-  if (settle(s, o, time, o->left_m, 0)) return UNUSUAL;
-  for (k = 0; k < s->states; ++k) changed |= s->x[k] != o->x0[k];
-  if (changed && may_land(s, o, time, o->approach)) return UNUSUAL;
-  if (count_event(s, o, time)) return UNUSUAL;
-  record_event(s, time, o->fired);
-  return 0;
+  return pass_event(s, o, time);
 }
 
 static count_t longest(const struct event_loop* s) {
@@ -268,7 +283,7 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
       memcpy(o.before_m, s->m, s->modes * sizeof(double));
       if (!s->entered && (s->rows + 1 > s->row_capacity || s->events + 1 > s->event_capacity)) status = FULL;
       else status = s->entered ? stretch(s, &o) : enter(s, &o);
-      if (status) { /* as if it had not been tried; `last` and `crowd` change only when nothing is left to fail */
+      if (status && status != ARRIVED) { /* as if it had not been tried; `last` and `crowd` change only when nothing is left to fail */
         count_t rows = s->rows;
         *s = kept;
         if (status == INTERRUPTED) s->rows = rows;

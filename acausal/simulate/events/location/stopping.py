@@ -45,6 +45,8 @@ _CALLING = 150.0
 _MOST_KEPT = 128
 # Mesh points that one interpreted call goes to, and how much longer one of their intervals may be than another.
 _TOGETHER, _ALIKE = 4, 4.0
+# Those of a compiled call: as many as there are rows between two mesh points of a run with 500 rows.
+_COMPILED_TOGETHER = 8
 # So often in an interval dense output may see a crossing where the solution has none.
 _MOST_STOPS = 20
 # A guard within its noise should be passed by now when its rate would have taken it so many times as far.
@@ -187,7 +189,9 @@ class _Nodes:
 
     def ahead(self, after: Node, ends: list[float]) -> list[_Coming]:
         """The nodes at the next few ends, or up to a stop before one of them."""
-        count = self.step.together(after.t, ends)
+        # compiled code has one band for all of them
+        alone = self.step.library is not None and self.band is not self.later
+        count = 1 if alone else self.step.together(after.t, ends)
         if count > 1 and (after.above + after.rate * (ends[count - 1] - after.t) < 0.0).any():
             count = 1  # a guard is about to be reached: nothing is gained by going on behind the stop
         bands = np.empty((count, len(self.band)))
@@ -333,8 +337,10 @@ class Stepper:
 
     def together(self, here: float, ends: Sequence[float]) -> int:
         """How many of these times, from the first one on, one call goes to."""
-        if self.library is not None or self.segment.step or len(ends) < _TOGETHER:
+        if self.segment.step or len(ends) < (_TOGETHER if self.library is None else 2):
             return 1
+        if self.library is not None:  # it proves its rows inside of steps (`native/rows.c`)
+            return min(len(ends), _COMPILED_TOGETHER)
         ends = ends[:_TOGETHER]
         lengths = [b - a for a, b in zip((here, *ends), ends, strict=False)]
         return _TOGETHER if max(lengths) <= _ALIKE * min(lengths) else 1
@@ -356,7 +362,7 @@ class Stepper:
             p = np.concatenate([self._constants, numbers, bands[0]])
             first = 0.0 if segment.step else self.first
             sizes = segment.tolerances.relative, segment.tolerances.absolute, segment.step or 0.0
-            rows, _, stats = self.library.run(x0, np.zeros(0), p, np.array([length]), *sizes, first)
+            rows, _, stats = self.library.run(x0, np.zeros(0), p, np.array(ends) - after.t, *sizes, first)
             following, self.end = stats["next"], after.t + stats["end"]
         else:
             rows, stats = self._interpreted(x0, np.array([after.t, *ends]), bands)
