@@ -130,8 +130,12 @@ class Recorder:
 
     def since(self, row: int, which: NDArray[np.int64] | slice = slice(None)) -> Result:
         """What was recorded from one row on; of these rows, counted from there, those that are `which`."""
-        times, x, z, m = self.rows(row)
-        return _table(self, (times[which], x[:, which], z[:, which], m[:, which]))
+        chosen = np.arange(row, self.count)[which]
+        owner = np.searchsorted(self._starts, chosen, side="right") - 1
+        own = [(k, chosen[owner == k] - self._starts[k]) for k in np.unique(owner).tolist()]
+        x, z, m = ([columns[k][:, rows_] for k, rows_ in own] for columns in (self._x, self._z, self._m))
+        times = np.concatenate([self._times[k][rows_] for k, rows_ in own])
+        return _table(self, (times, States(x, None), joined(z), joined(m)))
 
     def times(self, first: int) -> Vector:
         """Times of all rows from one on."""
