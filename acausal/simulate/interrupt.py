@@ -64,7 +64,8 @@ class Interruptible:
         if threading.current_thread() is threading.main_thread():
             self._around = _heeding()
             self.check()
-            self._installed = [number for number, usual in _KNOWN.items() if signal.getsignal(number) is usual]
+            if self._around is None:  # a block within another one leaves its handlers
+                self._installed = [number for number, usual in _KNOWN.items() if signal.getsignal(number) is usual]
             for number in self._installed:
                 signal.signal(number, self._note)
         return self

@@ -91,19 +91,16 @@ def schedule(
     """
     a, b = instants[:-1], instants[1:]
     margin = _MARGIN * (b - a)
-    first = np.searchsorted(grid, a + margin, side="right")
-    last = np.maximum(np.searchsorted(grid, b - margin, side="left"), first)
-    marks = np.zeros(len(grid) + 1)
-    np.add.at(marks, first, 1.0)
-    np.add.at(marks, last, -1.0)
-    inside = np.cumsum(last - first)
+    owner = np.clip(np.searchsorted(instants, grid, side="right") - 1, 0, len(a) - 1)
+    kept = grid[(grid > (a + margin)[owner]) & (grid < (b - margin)[owner])]
+    inside = np.searchsorted(kept, b)
     middle, modes = 0.5 * (a + b), functions_of(compiled).modes
     timely = modes.few(len(middle), modes.function.numel_out(0), (middle[:, None], p))[:, : compiled.n_timely]
     return Schedule(
         instants,
         inputs.into(compiled, timely, middle),
         due(compiled, p, instants),
-        np.insert(grid[np.cumsum(marks[:-1]) > 0.0], inside, b),
+        np.insert(kept, inside, b),
         inside + np.arange(1, len(b) + 1),
         tuple(tables.longest(*ends, longest) for ends in zip(a.tolist(), b.tolist(), strict=True)),
     )
@@ -125,7 +122,10 @@ def known_instants(
     """Start, the instants known in advance inside the run and further `cuts`, and stop [s], ascending, each once."""
     least = max(_APART * (stop - start), _ROUNDING * max(abs(start), abs(stop)))
     known = [times(compiled, p, inputs, start, stop) for times in KNOWN]
-    found = np.unique(np.concatenate(known if cuts is None else [*known, cuts]))
+    found = np.concatenate(known if cuts is None else [*known, cuts])
+    if not len(found):
+        return np.array([start, stop])
+    found = np.unique(found)
     inside = found[np.isfinite(found) & (found > start + least) & (found < stop - least)]
     apart = np.diff(inside, prepend=-np.inf) > least
     return np.concatenate([[start], inside[apart], [stop]])

@@ -88,8 +88,16 @@ class Smooth:
         """Integrate to the end of the stretch."""
         for times in self._parts(stretch.times):
             moment = self.reached
-            here = replace(self.template, start=float(self.recorder.time), times=times, x=moment.x, z=moment.z)
-            here = replace(here, p=moment.m, first=self.pace, max_step=stretch.longest)
+            here = replace(
+                self.template,
+                start=float(self.recorder.time),
+                times=times,
+                x=moment.x,
+                z=moment.z,
+                p=moment.m,
+                first=self.pace,
+                max_step=stretch.longest,
+            )
             piece = self._integrated(here)
             self.pace = pace(here.start, float(times[-1]), piece.counters)
             # what smaller pieces have reached is recorded already

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from numbers import Real as Number
 from pathlib import Path
 from typing import Any
@@ -42,7 +43,7 @@ class Inputs:
     places: tuple[int, ...] = ()
     pieces: tuple[Pieces, ...] = ()
 
-    @property
+    @cached_property
     def breaks(self) -> Vector:
         """Where the run is to be cut [s]."""
         return np.concatenate([np.zeros(0), *(p.breaks for p in self.pieces)])
@@ -58,6 +59,8 @@ class Inputs:
 
     def into(self, compiled: CompiledModel, modes: Vector, times: Vector) -> Vector:
         """Modes of the relations of time at n instants, shape (n, k), with these numbers in their places."""
+        if not self.places:
+            return modes
         first = len(compiled.time_events.relations)
         modes[:, first : first + INPUT_WIDTH * len(self.places)] = self.numbers(times)
         return modes

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from types import EllipsisType
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -240,17 +241,18 @@ def make_result(
     dense: Callable[[Vector], Vector] | None,
 ) -> Result:
     """The result of what was recorded; `dense` gives all values at further times."""
-    return replace(_table(recorder, recorder.shown()), events=events, stats=stats, dense=dense)
+    return _table(recorder, recorder.shown(), events=events, stats=stats, dense=dense)
 
 
-def _table(recorder: Recorder, recorded: tuple[Vector, Vector | States, Vector, Vector]) -> Result:
-    """The values of some rows."""
+def _table(recorder: Recorder, recorded: tuple[Vector, Vector | States, Vector, Vector], **more: Any) -> Result:
+    """The values of some rows, and what else a result has."""
     return Result(
         model=recorder.compiled.name,
         time=recorded[0],
         trajectories=lambda: recorder.observe(*recorded),
         signals=Described(recorder.compiled, recorder.p),
         some=lambda columns: recorder.observe(*recorded, columns),
+        **more,
     )
 
 

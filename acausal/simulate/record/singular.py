@@ -29,9 +29,9 @@ def singular_positions(recorder: Recorder) -> tuple[str, ...]:
     """The note on singular positions of closed loops between the rows of a run."""
     structure = recorder.compiled.solution.structure
     stated = [k for k, (e, _) in enumerate(structure.invariants) if e not in structure.integral]
-    times, x, z, m = recorder.rows()
-    if not stated or len(times) < 5:
+    if not stated or recorder.count < 5:
         return ()
+    times, x, z, m = recorder.rows()
     slopes = constraints(recorder.compiled, times, x, z, recorder.u, recorder.p, m)[1][:, stated]
     slopes = slopes * recorder.compiled.nominal_x
     if not np.isfinite(slopes).all():
