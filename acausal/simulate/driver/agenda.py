@@ -95,14 +95,19 @@ def schedule(
     kept = grid[(grid > (a + margin)[owner]) & (grid < (b - margin)[owner])]
     inside = np.searchsorted(kept, b)
     middle, modes = 0.5 * (a + b), functions_of(compiled).modes
-    timely = modes.few(len(middle), modes.function.numel_out(0), (middle[:, None], p))[:, : compiled.n_timely]
+    timely = modes.many(middle[:, None], p)[:, : compiled.n_timely]
+    # without tables one bound holds for thousands of segments
+    bounded = len(a) if tables.are_dense else 1
+    bounds = tuple(
+        tables.longest(*ends, longest) for ends in zip(a[:bounded].tolist(), b[:bounded].tolist(), strict=True)
+    )
     return Schedule(
         instants,
         inputs.into(compiled, timely, middle),
         due(compiled, p, instants),
         np.insert(kept, inside, b),
         inside + np.arange(1, len(b) + 1),
-        tuple(tables.longest(*ends, longest) for ends in zip(a.tolist(), b.tolist(), strict=True)),
+        bounds if tables.are_dense else bounds * len(a),
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -270,8 +271,9 @@ class EventLoop:
         ends = [0, *self.memory.acts_end[: loop.events].tolist()]
         acts = self.memory.act[: ends[-1]].tolist()
         boundaries = []
+        fired, others = _in_bytes(self.memory.fired[: loop.events]), _in_bytes(moved)
         for k, t in enumerate(self.memory.event_time[: loop.events].tolist()):
-            happened = self.memory.fired[k].tobytes(), tuple(acts[ends[k] : ends[k + 1]]), moved[k].tobytes()
+            happened = fired[k], tuple(acts[ends[k] : ends[k + 1]]), others[k]
             if happened not in self._known:  # the same few things happen again and again
                 causes = self.explain(np.flatnonzero(self.memory.fired[k]).tolist(), list(happened[1]))
                 self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
@@ -323,3 +325,9 @@ class EventLoop:
         reached = x_start[own, None] + np.cumsum(total, axis=1)
         x[own] = reached[:, owner] + grown
         self.memory.x[own] = reached[:, -1]
+
+
+def _in_bytes(rows: NDArray[Any]) -> list[bytes]:
+    """The rows of a table of truths."""
+    count, width = rows.shape
+    return np.ascontiguousarray(rows).view(f"V{width}").ravel().tolist() if width else [b""] * count
