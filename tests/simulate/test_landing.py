@@ -9,10 +9,27 @@ from __future__ import annotations
 
 from itertools import product
 
+import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, integer, parameter, pre, reset, variable, when, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    fixed,
+    integer,
+    parameter,
+    pre,
+    reset,
+    sample,
+    sin,
+    time,
+    variable,
+    when,
+    where,
+)
 from acausal.models.bouncing_ball import BouncingBall
 from tests.marks import slow_but
 
@@ -186,3 +203,33 @@ def test_a_short_dip_is_seen_on_every_grid(solver: str, points: int) -> None:
     assert [event.time for event in result.events] == pytest.approx([0.999, 1.001], abs=1e-9)
     assert result.final("inside") == pytest.approx(2e-3, abs=1e-9)
     assert result.final("n") == 1.0
+
+
+class Clockwork(Component):
+    """A ball beside an integral of time, the ball's energy, and a clock that counts."""
+
+    h: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+    lost: Real = variable(default=fixed(0.0))
+    turned: Real = variable(default=fixed(0.0))
+    ticks: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.h) == self.v
+        yield der(self.v) == -9.81
+        yield der(self.turned) == sin(3.0 * time)
+        energy = 9.81 * pre(self.h) + 0.5 * pre(self.v) ** 2
+        yield when(self.h < 0.0, reset(self.v, -0.5 * pre(self.v)), reset(self.lost, pre(self.lost) + 0.75 * energy))
+        yield der(self.lost) == 0.0
+        yield when(sample(0.0, 0.1), reset(self.ticks, pre(self.ticks) + 1))
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_integrals_and_clocks_go_on_over_the_last_bounces(native: bool) -> None:
+    """At rest from 3 G1 = 1.35 s on, when all of m g h is lost; the integral is (1 - cos 3 t)/3."""
+    result = acausal.simulate(Clockwork(), stop_time=2.05, tolerance=1e-9, solver="rosenbrock", native=native)
+    times = result.time
+    assert result["turned"] == pytest.approx((1.0 - np.cos(3.0 * times)) / 3.0, abs=1e-8)
+    assert result["h"] == pytest.approx([height(t, 0.5) if t < 3 * G1 else 0.0 for t in times.tolist()], abs=1e-8)
+    assert result.final("lost") == pytest.approx(9.81, abs=1e-7)
+    assert result.final("ticks") == 21.0
