@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
+from acausal.library.contact.collide.axis.crossing import crossing_function
 from acausal.library.contact.collide.shapes import PointedDrill, Shape
-from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Surfaces
+from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Surfaces, Trace
 from acausal.library.contact.scene.surface import Pose
 from acausal.library.drilling.drilling_force import DrillingForce
 from acausal.library.drilling.flank import GuidedDrillingForce
 from acausal.library.drilling.full_drilling_force import FullDrillingForce
 from acausal.library.drilling.geometry_convex import ConvexLevel, shank_along_z
+from acausal.library.drilling.holes import Hole, named
 from acausal.library.drilling.materials import STEEL_34CRMO4, Material
 from acausal.library.drilling.tool import TWIST_DRILL_16MM, Tool
 from acausal.library.multibody.frames import Frame
@@ -36,13 +40,29 @@ class WorkpieceBody(ContactBody):
 
     material: Material = STEEL_34CRMO4
 
+    def remarks(self, traces: Sequence[Trace]) -> list[str]:
+        """Notes AC192 of the holes that overlap, of whatever drills and from whatever sides."""
+        return [
+            f"AC192: {named(one, other)} in {self.name} overlap, {1e3 * one.apart(other):.3g} mm apart: each is cut as "
+            "if the other were full of material"
+            for one, other in combinations(map(self._hole, traces), 2)
+            if one.overlaps(other)
+        ]
+
+    def _hole(self, trace: Trace) -> Hole:
+        assert isinstance(trace.maker, DrillBody), "nothing else leaves traces on a workpiece"
+        entry, axis = trace.place
+        first, last, _ = _crossed(self, entry, axis)
+        return Hole(trace.maker.name, trace.maker.tool, entry, axis, trace.size, min(trace.size, first - last))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrillBody(ContactBody):
     """A drill: it cuts into every `WorkpieceBody`, and touches other bodies as a surface.
 
-    A hole belongs to a position on a workpiece, and keeps its depth when the drill returns to it. More than a quarter
-    of the diameter away from it a new hole starts. Overlapping holes are independent of each other (AC192).
+    A hole belongs to a drill and a line through a workpiece, and keeps its depth when the drill returns to it. More
+    than a quarter of the diameter beside it, or in another direction, a new hole starts: from behind, as well.
+    Overlapping holes, of one drill or of two, are independent of each other (AC192).
 
     Parameters
     ----------
@@ -112,38 +132,35 @@ class DrillBody(ContactBody):
     def describe(self, other: ContactBody) -> str:
         return "drilling" if isinstance(other, WorkpieceBody) else super().describe(other)
 
-    def overlaps(
-        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
-    ) -> dict[int, str]:
-        """Numbers and texts (AC192) of the holes that overlap the current one; positions [m] are of shape (3,)."""
-        axis = others[1].T @ own[1] @ np.array(unit_vector(self.axis_a))
-        axis = np.array(other.pose[1]).T @ axis
-        apart = [float(np.linalg.norm(np.cross(place - known[current], axis))) for place in known]
-        return {
-            k: f"AC192: two holes of {self.name} in {other.name} overlap, {1e3 * far:.3g} mm apart at a diameter of "
-            f"{1e3 * self.tool.d:.3g} mm: the second is cut as if the first were full of material"
-            for k, far in enumerate(apart)
-            if k != current and far < self.tool.d
-        }
-
     def site(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
     ) -> tuple[list[Array], int]:
-        """(Positions of the holes in the frame of the workpiece [m], each of shape (3,); number of the current one)."""
+        """(Holes in the axes of the workpiece, as point of entry [m] and direction; number of the current one)."""
         if not isinstance(other, WorkpieceBody):
             return super().site(other, own, others, known, current, marked)
         r, R = others[0] + others[1] @ np.array(other.pose[0]), others[1] @ np.array(other.pose[1])
         axis = R.T @ own[1] @ np.array(unit_vector(self.axis_a))
         tip = R.T @ (own[0] + own[1] @ np.array(self.pose[0]) - r)
-        places = list(known)
-        low, high = (np.array(c) for c in other.shape.bounding_box())
-        if places and bool(np.all((tip >= low) & (tip <= high))):
-            places[current] = tip  # an engaged drill cannot leave its hole sideways
-            return places, current
-        beside = [float(np.linalg.norm(np.cross(place - tip, axis))) for place in places]
-        if beside and min(beside) < self.tool.d / 4:
-            return places, int(np.argmin(beside))
-        if places and not marked:
-            places[current] = tip  # nothing was cut there, so it is not a hole
-            return places, current
-        return [*places, tip], len(places)
+        depth, _, beside = _crossed(other, tip, axis)
+        here = np.stack([tip - depth * axis, axis])
+        holes = list(known)
+        if holes and depth > 0 and not beside:
+            holes[current] = here  # an engaged drill cannot leave its hole sideways
+            return holes, current
+        off = [np.linalg.norm(np.cross(h[0] - tip, axis)) + self.tool.d * (h[1] @ axis < _ALONG) for h in holes]
+        if off and min(off) < self.tool.d / 4:
+            return holes, int(np.argmin(off))
+        if holes and not marked:
+            holes[current] = here  # nothing was cut there, so it is not a hole
+            return holes, current
+        return [*holes, here], len(holes)
+
+
+def _crossed(workpiece: ContactBody, point: Array, axis: Array) -> tuple[float, float, bool]:
+    """Depths [m] of a point behind entry and exit of a line, and whether the line misses the workpiece."""
+    depth, beyond, beside, _ = crossing_function(workpiece.shape)(point, axis)
+    return float(depth), float(beyond), bool(beside > 0.5)
+
+
+_ALONG = math.cos(0.1)
+"""Cosine of the angle between two axes from which on they are not those of one hole."""

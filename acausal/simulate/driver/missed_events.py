@@ -23,7 +23,7 @@ from acausal.simulate.driver.adaptive_sampling import between, dense, merged
 from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.location.between import interpolated
+from acausal.simulate.events.location.between import interpolated, steady
 from acausal.simulate.events.location.mesh import even
 from acausal.simulate.events.location.rows import nearest, roots, slopes, told
 from acausal.simulate.solvers.base import on_equations
@@ -366,7 +366,7 @@ class _Search:
 
     def _between(self, segment: Segment, rows: _Rows, times: Vector, is_solved: bool = False) -> Vector:
         """Columns of values at instants between rows, with algebraic variables on their equations or between rows."""
-        both = interpolated(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))[0]
+        both = steady(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))
         x, z = both[:, : len(rows.x)].T, both[:, len(rows.x) :].T
         if is_solved:
             with suppress(RuntimeError):
@@ -513,7 +513,7 @@ class _Search:
         both = np.vstack([rows.x, rows.z]).T
         near = 0.01 * width
         count = min(_NODES, len(rows.times))
-        at, before, after = (interpolated(rows.times, both, places + d, count)[0] for d in (0.0 * near, -near, near))
+        at, before, after = (steady(rows.times, both, places + d, count) for d in (0.0 * near, -near, near))
         slope = (after - before)[:, :n] / (2.0 * near[:, None])
         x, z = at[:, : len(rows.x)].T, at[:, len(rows.x) :].T
         if len(z):

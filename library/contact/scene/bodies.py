@@ -78,18 +78,16 @@ class ContactBody:
     def site(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
     ) -> tuple[list[Array], int]:
-        """Places of the contacts with another body [m], and the number of the present one.
+        """Places of the contacts with another body, and the number of the present one.
 
-        `known` are the places so far, in the axes of the other's shape, `current` the one of the last choice; `marked`
-        says whether that one has a trace.
+        `known` are the places so far, in the axes of the other's shape: a point [m] and a direction, shape (2, 3);
+        `current` is the one of the last choice; `marked` says whether that one has a trace.
         """
         return list(known), 0
 
-    def overlaps(
-        self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int
-    ) -> dict[int, str]:
-        """Places of earlier contacts with another body that the present one overlaps, and the message for that."""
-        return {}
+    def remarks(self, traces: Sequence[Trace]) -> list[str]:
+        """Messages about the traces that others have left on this body."""
+        return []
 
     def radius(self) -> float:
         """Largest distance of a point of the shape from the origin of the body's frame [m]."""
@@ -116,6 +114,15 @@ def _unbounded(origin: Array, R: Array) -> tuple[Array, Array]:
     if abs(up[k]) > 1 - 1e-12:
         (high if up[k] > 0 else low)[k] = origin[k]
     return low, high
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """What a body has left on another: at a `place`, as of `ContactBody.site`, as large as its signal became."""
+
+    maker: ContactBody
+    place: Array
+    size: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
-from acausal.library.contact.scene.bodies import ContactBody, PoseValue
+from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Trace
 from acausal.library.contact.scene.broad_phase import CANNOT_MEET, Pair, gaps, overlapping
 from acausal.library.contact.scene.outlines import Outlines
 from acausal.library.contact.scene.surface import SurfaceContact
@@ -66,9 +66,7 @@ class SceneChoice:
     pairs
         Numbers of two bodies each.
     places, sites
-        By pair: places of the contacts that left a trace [m], shape (3,) each, and the number of the present one.
-    overlaps
-        What to say when two places of a pair have both been used.
+        By pair: places of the contacts that leave traces (`ContactBody.site`), and the number of the present one.
     wandering
         Pairs in which a drill may leave more than one hole.
     steady
@@ -82,7 +80,6 @@ class SceneChoice:
     pairs: tuple[Pair, ...]
     places: Mapping[Pair, tuple[Array, ...]] = field(default_factory=dict)
     sites: Mapping[Pair, int] = field(default_factory=dict)
-    overlaps: Mapping[tuple[Pair, int, int], str] = field(default_factory=dict)
     wandering: tuple[Pair, ...] = ()
     steady: bool = False
     clearance: float = 0.0
@@ -129,11 +126,11 @@ class SceneChoice:
             further = np.partition(gap, most)[most] if len(gap) > most else np.inf
             chosen = scene.pairs_of(np.flatnonzero(near | (gap < further)))
             near |= gap < further
-        places, sites, overlaps = dict(self.places), dict(self.sites), dict(self.overlaps)
+        places, sites = dict(self.places), dict(self.sites)
         for pair in chosen if self.scene.has_traces else ():
-            self._find_site(pair, seen, places, sites, overlaps)
+            self._find_site(pair, seen, places, sites)
         clearance = scene.skin if scene.has_traces else _least(gap[~near])
-        return replace(self, pairs=chosen, places=places, sites=sites, overlaps=overlaps, clearance=clearance)
+        return replace(self, pairs=chosen, places=places, sites=sites, clearance=clearance)
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
         """How much of the gaps of pairs that were left out may be used up, at n instants [1], shape (n,).
@@ -174,13 +171,15 @@ class SceneChoice:
         return np.stack(r, axis=r[0].ndim - 1), np.stack(R, axis=R[0].ndim - 2)
 
     def remarks(self, largest: Callable[[str], float]) -> list[str]:
-        """Messages about places of contacts that overlap and were both used."""
-        trace = {pair: self._maker(pair).trace for pair, _, _ in self.overlaps}
-        return [
-            text
-            for (pair, *sites), text in self.overlaps.items()
-            if all(largest(f"{self._lasting(pair, k)}.{trace[pair]}") > 0 for k in sites)
-        ]
+        """Messages of the bodies about the traces that were left on them."""
+        left: dict[int, list[Trace]] = {}
+        for pair, places in self.places.items():
+            maker = self._maker(pair)
+            marked = left.setdefault(sum(pair) - self.scene.maker(*pair), [])
+            for k, place in enumerate(places):
+                size = largest(f"{self._lasting(pair, k)}.{maker.trace}")
+                marked += [Trace(maker, place, size)] if size > 0 else []
+        return [text for k, traces in left.items() for text in self.scene.bodies[k].remarks(traces)]
 
     def confined(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[SceneChoice, bool]:
         """The choice extended by the pairs that can touch while poses stay within bounds, and whether it grew.
@@ -234,9 +233,8 @@ class SceneChoice:
         seen: Mapping[str, Array],
         places: dict[Pair, tuple[Array, ...]],
         sites: dict[Pair, int],
-        overlaps: dict[tuple[Pair, int, int], str],
     ) -> None:
-        """Where the contact of a pair is now: entered in the last three."""
+        """Where the contact of a pair is now: entered in the last two."""
         maker = self.scene.maker(*pair)
         body, other = self.scene.bodies[maker], self.scene.bodies[sum(pair) - maker]
         if body.trace:
@@ -246,11 +244,6 @@ class SceneChoice:
             marked = bool(np.any(seen.get(self._trace(pair), np.ones(1)) > 0))
             known, current = body.site(other, *poses, known, current, marked)
             places[pair], sites[pair] = tuple(known), current
-            near = body.overlaps(other, *poses, known, current)
-            for k in range(len(known)):
-                overlaps.pop((pair, min(k, current), max(k, current)), None)
-                if k in near:
-                    overlaps[pair, min(k, current), max(k, current)] = near[k]
 
     def _pose(self, body: ContactBody, seen: Mapping[str, Array]) -> PoseValue:
         k = self.scene.place(body)

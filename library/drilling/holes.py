@@ -1,0 +1,75 @@
+"""Holes that drills leave in one workpiece, and whether they overlap."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.library.drilling.tool import Tool
+from acausal.library.multibody.orientation import across
+
+Array = NDArray[np.float64]
+_ROUNDING = 1e-9
+"""How far [m] before a face an entry may lie."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hole:
+    """A hole with the cone at its ground, in the axes of the workpiece; lengths in m."""
+
+    drill: str
+    tool: Tool
+    entry: Array
+    axis: Array
+    depth: float
+    inside: float
+    """How much of the depth is in the workpiece: a drill that is through goes on."""
+
+    def overlaps(self, other: Hole) -> bool:
+        """Whether the two have a point in common, as far as points of their walls and axes tell."""
+        between = float(np.linalg.norm(self._middle - other._middle))
+        if between > self._reach + other._reach:
+            return False
+        return other._holds(self._points()) or self._holds(other._points())
+
+    def apart(self, other: Hole) -> float:
+        """Distance [m] of the other's entry from the axis."""
+        return float(np.linalg.norm(np.cross(other.entry - self.entry, self.axis)))
+
+    @property
+    def _middle(self) -> Array:
+        return np.asarray(self.entry + self.axis * (self.inside / 2))
+
+    @property
+    def _reach(self) -> float:
+        """Distance [m] from the middle within which all of it lies."""
+        return (self.inside + self.tool.d) / 2
+
+    def _radius(self, along: Array) -> Array:
+        """Radius [m] at distances from the entry; shape (n,)."""
+        cone = (self.depth - along) * math.tan(self.tool.sigma / 2)
+        return np.asarray(np.clip(cone, 0.0, self.tool.d / 2))
+
+    def _points(self) -> Array:
+        """Points of wall and axis; shape (3, n)."""
+        along, angles = np.linspace(0.0, self.inside, 65), np.linspace(0.0, 2 * math.pi, 64, endpoint=False)
+        one, two = (np.array(v) for v in across((float(self.axis[0]), float(self.axis[1]), float(self.axis[2]))))
+        ring = np.outer(one, np.cos(angles)) + np.outer(two, np.sin(angles))
+        axis = self.entry[:, None] + np.outer(self.axis, along)
+        wall = axis[:, :, None] + ring[:, None, :] * self._radius(along)[:, None]
+        return np.hstack([axis, wall.reshape(3, -1)])
+
+    def _holds(self, points: Array) -> bool:
+        from_entry = points - self.entry[:, None]
+        along = self.axis @ from_entry
+        off = np.linalg.norm(from_entry - np.outer(self.axis, along), axis=0)
+        return bool(((along >= -_ROUNDING) & (along <= self.inside) & (off < self._radius(along))).any())
+
+
+def named(one: Hole, other: Hole) -> str:
+    """What messages call two holes."""
+    same = one.drill == other.drill
+    return f"two holes of {one.drill}" if same else f"holes of {one.drill} and {other.drill}"

@@ -1,0 +1,97 @@
+"""Which hole a drill is in, and which holes overlap: plain geometry of lines, cylinders and cones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from acausal.library.contact import Box, Sphere
+from acausal.library.contact.scene.bodies import PoseValue, Trace
+from acausal.library.drilling import TWIST_DRILL_16MM, DrillBody, WorkpieceBody
+from acausal.library.multibody import axis_rotation
+
+DOWN, UP = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+CONE = TWIST_DRILL_16MM.d / 2 / math.tan(TWIST_DRILL_16MM.sigma / 2)
+PLATE = WorkpieceBody(name="plate", shape=Box((0.1, 0.1, 0.02)), at_rest=True)
+BALL = WorkpieceBody(name="ball", shape=Sphere(0.03), at_rest=True)
+STILL: PoseValue = np.zeros(3), np.eye(3)
+TURNED: PoseValue = np.zeros(3), np.array(axis_rotation((1.0, 0.0, 0.0), math.pi))
+
+
+def hole(x: float, depth: float, axis: tuple[float, float, float] = DOWN, name: str = "drill") -> Trace:
+    """Of a drill of 16 mm that enters the plate of 20 mm through the face at z = -10 mm, or from behind."""
+    entry = np.array([x, 0.0, -math.copysign(0.01, axis[2])])
+    return Trace(DrillBody(name=name), np.array([entry, axis]), depth)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "is_told"),
+    [
+        pytest.param(hole(0.0, 0.015), hole(0.0159, 0.015), True, id="side by side, nearer than the diameter"),
+        pytest.param(hole(0.0, 0.015), hole(0.0161, 0.015), False, id="side by side, farther"),
+        pytest.param(hole(0.0, 0.5 * CONE), hole(0.0081, 0.5 * CONE), False, id="half of the cones only, a radius apart"),
+        pytest.param(hole(0.0, 0.5 * CONE), hole(0.0079, 0.5 * CONE), True, id="half of the cones that meet"),
+        pytest.param(hole(0.0, 0.0099), hole(0.0, 0.01, UP), False, id="from both sides, 0.1 mm left between the tips"),
+        pytest.param(hole(0.0, 0.0101), hole(0.0, 0.01, UP), True, id="from both sides, through each other"),
+        pytest.param(hole(0.0, 0.5), hole(0.0, 0.001, UP), True, id="a drill that has gone on behind the plate"),
+        pytest.param(hole(0.0, 0.015), hole(0.0, 0.015, name="other"), True, id="one after the other"),
+    ],
+)
+def test_holes_that_have_material_in_common_are_told(one: Trace, other: Trace, is_told: bool) -> None:
+    for pair in ([one, other], [other, one]):
+        notes = PLATE.remarks(pair)
+        assert bool(notes) == is_told
+        assert all(n.startswith("AC192") and "in plate overlap" in n for n in notes)
+    if is_told and other.maker.name == "other":
+        assert "holes of drill and other in plate" in PLATE.remarks([one, other])[0]
+
+
+def test_holes_that_cross_each_other_are_told_where_they_are_deep_enough() -> None:
+    """The second is inclined by 45 degrees and enters 30 mm beside the first: their axes meet 30 mm deep."""
+    block = WorkpieceBody(name="block", shape=Box((0.2, 0.2, 0.1)), at_rest=True)
+    axis = np.array([-1.0, 0.0, 1.0]) / math.sqrt(2.0)
+    inclined = Trace(DrillBody(name="drill"), np.array([[0.03, 0.0, -0.05], axis]), 0.05)
+    for depth, is_told in ((0.015, False), (0.03, True)):
+        upright = Trace(DrillBody(name="drill"), np.array([[0.0, 0.0, -0.05], DOWN]), depth)
+        assert bool(block.remarks([upright, inclined])) == is_told
+
+
+def moved(x: float, z: float) -> PoseValue:
+    return np.array([x, 0.0, z]), np.eye(3)
+
+
+def test_a_hole_is_found_again_beside_it_and_from_behind_there_is_another() -> None:
+    """By the drill, and by the plate, which is turned over: then the hole is deep where nothing was cut yet."""
+    drill = DrillBody(name="drill")
+    holes, first = drill.site(PLATE, moved(0.0, 0.0), STILL, [], 0, True)
+    assert holes[first] == pytest.approx(np.array([[0.0, 0.0, -0.01], DOWN]), abs=1e-9)
+    assert drill.site(PLATE, moved(0.003, -0.02), STILL, holes, 0, True)[1] == 0
+    assert drill.site(PLATE, moved(0.005, -0.02), STILL, holes, 0, True)[1] == 1
+    assert drill.site(PLATE, moved(0.0, -0.02), TURNED, holes, 0, True)[1] == 1
+    other = DrillBody(name="drill", axis_a=UP)
+    assert other.site(PLATE, moved(0.0, 0.02), STILL, holes, 0, True)[1] == 1
+
+
+def test_a_hole_keeps_its_place_while_the_drill_gets_deeper() -> None:
+    drill = DrillBody(name="drill")
+    for z in (-0.005, 0.009, 0.05):
+        holes, _ = drill.site(PLATE, moved(0.001, z), STILL, [np.array([[0.0, 0.0, -0.01], DOWN])], 0, True)
+        assert holes[0] == pytest.approx(np.array([[0.001, 0.0, -0.01], DOWN]), abs=1e-9)
+
+
+def test_a_drill_beside_a_round_body_has_left_its_hole() -> None:
+    """24 mm from the middle the ball begins at z = -18 mm: a tip 2 mm before it is within its box, and outside of it."""
+    drill = DrillBody(name="drill")
+    holes, _ = drill.site(BALL, moved(0.0, -0.02), STILL, [], 0, True)
+    assert drill.site(BALL, moved(0.024, -0.020), STILL, holes, 0, True)[1] == 1
+    assert drill.site(BALL, moved(0.0, -0.020), STILL, holes, 0, True)[1] == 0
+
+
+def test_pose_of_the_shape_counts() -> None:
+    """A block whose shape lies 25 mm behind the frame of the body, turned over by its pose."""
+    turn = axis_rotation((1.0, 0.0, 0.0), math.pi)
+    block = WorkpieceBody(name="block", shape=Box((0.1, 0.1, 0.05)), pose=((0.0, 0.0, 0.025), turn), at_rest=True)
+    holes, _ = DrillBody(name="drill").site(block, moved(0.01, -0.005), STILL, [], 0, True)
+    assert holes[0] == pytest.approx(np.array([[0.01, 0.0, 0.025], UP]), abs=1e-9)
