@@ -28,7 +28,7 @@ def test_no_guard_that_may_be_passed_is_left_out(seed: int, spread: float, away:
 def test_rows_that_are_next_to_each_other_do_not_enlarge_rounding_errors() -> None:
     """A straight line, known to its last digit, at evenly spaced rows with six of them within 0.1 us.
 
-    The polynomial of degree seven there swings by a thousandth: three plates behind each other took ten minutes.
+    The polynomial of degree seven there swings by a fortieth: three plates behind each other took ten minutes.
     """
     times = np.sort(np.concatenate([np.linspace(0.0, 0.4, 101), 0.2 + 2e-8 * np.arange(1, 6)]))
     line = (1.0 + 2.3e-3 * times)[:, None]
