@@ -31,7 +31,7 @@ def hole(x: float, depth: float, axis: tuple[float, float, float] = DOWN, name: 
     [
         pytest.param(hole(0.0, 0.015), hole(0.0159, 0.015), True, id="side by side, nearer than the diameter"),
         pytest.param(hole(0.0, 0.015), hole(0.0161, 0.015), False, id="side by side, farther"),
-        pytest.param(hole(0.0, 0.5 * CONE), hole(0.0081, 0.5 * CONE), False, id="half of the cones only, a radius apart"),
+        pytest.param(hole(0.0, 0.5 * CONE), hole(0.0081, 0.5 * CONE), False, id="half cones, a radius apart"),
         pytest.param(hole(0.0, 0.5 * CONE), hole(0.0079, 0.5 * CONE), True, id="half of the cones that meet"),
         pytest.param(hole(0.0, 0.0099), hole(0.0, 0.01, UP), False, id="from both sides, 0.1 mm left between the tips"),
         pytest.param(hole(0.0, 0.0101), hole(0.0, 0.01, UP), True, id="from both sides, through each other"),
@@ -82,7 +82,7 @@ def test_a_hole_keeps_its_place_while_the_drill_gets_deeper() -> None:
 
 
 def test_a_drill_beside_a_round_body_has_left_its_hole() -> None:
-    """24 mm from the middle the ball begins at z = -18 mm: a tip 2 mm before it is within its box, and outside of it."""
+    """24 mm from the middle the ball begins at z = -18 mm: a tip 2 mm before it is within its box, not in it."""
     drill = DrillBody(name="drill")
     holes, _ = drill.site(BALL, moved(0.0, -0.02), STILL, [], 0, True)
     assert drill.site(BALL, moved(0.024, -0.020), STILL, holes, 0, True)[1] == 1
