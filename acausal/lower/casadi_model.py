@@ -11,7 +11,10 @@ from typing import Any
 from acausal.errors import UsageError, meant
 from acausal.providers import provided
 
-FUNCTIONS = ("dae", "ode", "implicit", "outputs", "init", "step", "too_large", "step_error", "invariants", "instants")
+FUNCTIONS = (
+    *("dae", "ode", "implicit", "outputs", "init", "step", "too_large", "step_error"),
+    *("determinants", "invariants", "instants"),
+)
 """Names of the functions of a `CasadiModel`, in the order in which files hold them."""
 EVENT_FUNCTIONS = ("dae", "indicators", "react", "clocks", "round")
 """The same of `CasadiEvents`."""
@@ -157,6 +160,10 @@ class CasadiModel:
     step_error
         `(t, x, u, p, h) -> error`: estimate of what `step` adds to the error of a state, by its nominal value; see
         `acausal.export.step.defect`. Sums of it are the error of a run, but for what the model makes of errors.
+    determinants
+        `(t, x, z, u, p) -> (signs, sizes)` of the slopes of each block of algebraic equations that is nonlinear in its
+        own unknowns; sizes are logarithms of magnitudes. Where a sign changes along a solution, or a determinant is
+        zero, other solutions meet it, and what follows it may go on with one of these.
     invariants
         `(t, x, z, u, p) -> (position, velocity)`: constraints that bind the states, as stated, and differentiated:
         both are 0 along solutions, and at consistent starts. The functions above draw states back to them at the rate
@@ -182,6 +189,7 @@ class CasadiModel:
     step: Any
     too_large: Any
     step_error: Any
+    determinants: Any
     invariants: Any
     instants: Any
     x: Ports

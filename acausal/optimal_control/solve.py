@@ -111,7 +111,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
             laws = dynamics_of(problem, first_guesses, widths, is_relaxed)
             continue
         best = optimum_of(problem, program, solution, trajectory, first.input_sizes)
-        errors, drift, is_blind = _errors(problem, program, laws, solution, trajectory, best)
+        errors, drift, is_blind, meeting = _errors(problem, program, laws, solution, trajectory, best)
         worst = max((float(e.max()) for e in errors), default=0.0)
         stopwatch.lap("check")
         if accuracy is None or worst <= accuracy:
@@ -136,6 +136,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     stats["notes"] = (
         *problem.quantities.begin.notes,
         *notes,
+        *meeting,
         *(_smoothing_note(widths, smoothing_bias) if choices.smooth else ()),
     )
     for note in stats["notes"]:
@@ -150,21 +151,21 @@ def _errors(
     solution: Solution,
     trajectory: Trajectory,
     best: Optimum,
-) -> tuple[list[Vector], float, bool]:
-    """(Errors of the intervals of each phase, error of the replay, whether the points miss the cause of that error).
+) -> tuple[list[Vector], float, bool, tuple[str, ...]]:
+    """(Errors of the intervals of each phase, error of the replay, whether the points miss its cause, notes of it).
 
     Each array of errors has shape (intervals,).
     """
     if not program.complementarity:
         check_optimum(problem, laws, trajectory)
-    drift, farther = replay_error(best, [len(phase.mesh) for phase in program.phases])
+    drift, farther, meeting = replay_error(best, [len(phase.mesh) for phase in program.phases])
     if program.complementarity:
-        return _switch_errors(program, solution, drift), drift, False
+        return _switch_errors(program, solution, drift), drift, False, meeting
     errors, accumulated = interval_errors(problem, laws, trajectory)
     is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
     if is_blind:
         errors = [np.maximum(*both) for both in zip(errors, farther, strict=True)]
-    return errors, drift, is_blind
+    return errors, drift, is_blind, meeting
 
 
 def _with_new_branches(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import log
 from typing import Any
 
 import pytest
@@ -42,6 +43,10 @@ CROSSING: dict[str, Residuals] = {
         0.3 * sin(x) + sin(z + 1.0) - 0.3 * sin(y),
     ],
     "near": lambda x, y, z: [y * (x - y) + 1e-12, z - y],
+    # three meet, and the sign of the determinant, 2 x^2 on this one, stays
+    "three": lambda x, y, z: [y**3 - x**2 * y, z - y],
+    # the same kind without a product: sin(x) and -sin(x) on a circle
+    "circle": lambda x, y, z: [y**2 + z**2 - 1.0, z - cos(x)],
 }
 # One solution, or another one that stays away: the integral of y from x = -1 to 1, where there is a short one.
 HEALTHY: dict[str, Residuals] = {
@@ -49,14 +54,16 @@ HEALTHY: dict[str, Residuals] = {
     "factor": lambda x, y, z: [x * (exp(y) - exp(-1.0)), z - y],
     "rectifier": lambda x, y, z: [1e-9 * (exp(y / 0.025) - 1.0) - (3.0 * x - y) / 100.0, z - y],
     "smooth turn": lambda x, y, z: [y * (x - y) + 1e-6, z - y],
+    "touched factor": lambda x, y, z: [x**2 * (exp(y) - exp(-1.0)), z - y],
+    "near three": lambda x, y, z: [y**3 + (x**2 + 1e-3) * (y - x), z - y],
 }
 NEARER: dict[str, Residuals] = {"nearer": lambda x, y, z: [y * (x - y) + 1e-9, z - y]}
 RESIDUALS = {**CROSSING, **HEALTHY, **NEARER}
 
 
-def run(equation: str, solver: str) -> acausal.Result:
+def run(equation: str, solver: str, **options: Any) -> acausal.Result:
     steps: dict[str, Any] = {"step": 0.01} if solver in ("rk", "rk2", "collocation") else {}
-    return acausal.simulate(Crossing(equation=equation), stop_time=2.0, solver=solver, **steps)
+    return acausal.simulate(Crossing(equation=equation), stop_time=2.0, solver=solver, **steps, **options)
 
 
 def noted(result: acausal.Result) -> bool:
@@ -88,3 +95,52 @@ def test_stages_on_another_solution_than_their_steps_are_told(equation: str) -> 
     """The integral of y is -0.5; stages of Radau's method stayed on y = x from x = 0 on: it was -0.24 and -0.06."""
     result = run(equation, "collocation")
     assert noted(result) or result.final("w") == pytest.approx(-0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("solver", ["idas", "rk2"])
+def test_few_rows_are_enough(solver: str) -> None:
+    """Other instants are looked at that the result does not show."""
+    result = run("product", solver, output_interval=0.6)
+    assert noted(result)
+    assert result.time == pytest.approx([0.0, 0.6, 1.2, 1.8, 2.0])
+
+
+class Large(Component):
+    """A ring of many unknowns, all of which are c y, on one of the solutions of y (x - v[0]) == 0."""
+
+    x: Real = variable(default=fixed(-0.987))
+    y: Real = variable(default=guess(-1.0))
+    v: Real = variable(shape=120, default=guess(-1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        for k in range(120):
+            near = sin(self.v[(k + 1) % 120]) + sin(self.v[k - 1])
+            yield self.v[k] + 0.01 * self.v[k] ** 3 + 0.1 * near == self.y
+        yield self.y * (self.x - self.v[0]) == 0.0
+
+
+def test_blocks_of_any_size_are_watched() -> None:
+    assert noted(acausal.simulate(Large(), stop_time=2.0, solver="idas"))
+
+
+@pytest.mark.parametrize("equation", ["product", "two", "parallelogram", "three"])
+def test_exported_steps_say_where_solutions_meet(equation: str) -> None:
+    """Steps of `sdirk` went straight on without a flag, whatever they met."""
+    made = acausal.step_function(acausal.compile(Crossing(equation=equation, x=fixed(-0.0337))), 0.01, "sdirk")
+    flag, x, said = made.y.position("step.unconverged"), made.x.start, []
+    for _ in range(7):
+        x, y = made.function(x, [], made.p.start)
+        said.append(float(y[flag]))
+    assert said[0] == 0.0
+    assert max(said[2:5]) == 1.0
+
+
+def test_exported_functions_hold_the_determinants() -> None:
+    """Of y (x - y) the slope by y is x - 2 y: -x on y = x, x on y = 0."""
+    model = acausal.compile(Crossing()).casadi()
+    assert any("determinants" in note for note in model.notes)
+    signs = [float(model.determinants([x, 0.0], [x], [], [])[0]) for x in (-1.0, -1e-3, 1e-3, 1.0)]
+    assert signs[0] == signs[1] == -signs[2] == -signs[3] != 0.0
+    sizes = [float(model.determinants([x, 0.0], [x], [], [])[1]) for x in (-1.0, -1e-3)]
+    assert sizes[0] - sizes[1] == pytest.approx(log(1e3))

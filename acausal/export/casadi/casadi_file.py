@@ -33,7 +33,7 @@ from acausal.lower.casadi_model import EVENT_FUNCTIONS, FUNCTIONS, CasadiEvents,
 from acausal.result.files import atomic
 
 FORMAT = "acausal casadi model"
-VERSION = 3
+VERSION = 4
 _VECTORS = ("x", "z", "u", "p", "y")
 # A fixed date in the archive, so that equal models give equal files.
 _DATE = (1980, 1, 1, 0, 0, 0)

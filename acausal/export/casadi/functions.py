@@ -27,11 +27,17 @@ from acausal.export.minimal.minimal import Form, invariants_of, minimal_form
 from acausal.export.observed import dae_function, observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
 from acausal.export.start_point import StartPoint, init_function, start_point
+from acausal.export.step.crossing import determinants
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import Method
 from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.lower.compiled import CompiledModel
+
+_SEVERAL = (
+    "algebraic equations are nonlinear in their own unknowns: where a sign of determinants changes along a solution, "
+    "or a determinant is zero, other solutions meet it, and nothing else here tells which of them is followed"
+)
 
 
 def casadi_model(
@@ -82,6 +88,8 @@ def casadi_model(
         chosen = _without_bound(compiled, form, chosen, parameters)
         notes += form.notes
     made = _functions(compiled, form, begin)
+    if made["determinants"].numel_out(0):
+        notes.append(_SEVERAL)
     reacting = {name: getattr(reactions, name) for name in EVENT_FUNCTIONS} if reactions else {}
     timed = depends_on_time([*made.values(), *(f for n, f in reacting.items() if n in ("dae", "indicators", "round"))])
     is_timed = timed or (events and bool(compiled.n_timely or compiled.state_events.samples))
@@ -129,6 +137,7 @@ def _functions(compiled: CompiledModel, form: Form, begin: StartPoint) -> dict[s
         "step": step_of(ode),
         "too_large": too_large_of(ode, form.x.nominal),
         "step_error": step_error_of(ode, form.x.nominal),
+        "determinants": determinants(form.dae),
         "invariants": form.invariants,
         "instants": ca.Function("instants", *_instants(compiled), ["p"], ["times"]),
     }

@@ -23,6 +23,7 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.export.step.crossing import along_solution, meets
 from acausal.export.step.defect import bends, defect, even, largest, unsolved
 from acausal.export.step.stable import differences, unstable
 
@@ -148,17 +149,19 @@ class Method:
     def step(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
         """(x, z, rough) after a step of length `h`, which may be an expression.
 
-        `rough` is 1 if Newton's method has not converged in one of the iterations.
+        `rough` is 1 if Newton's method has not converged in one of the iterations, or may have gone over to another
+        solution.
         """
         if self.constant:
             moving = ca.vertsplit(x, [0, self._nx - self.constant, self._nx])
             new, z, rough = self._moving.step(t, h, moving[0], z, [moving[1], *held])
             return ca.vertcat(new, moving[1]), z, rough
-        if self.name == "rosenbrock":
-            return self._rosenbrock(t, h, x, z, held)
-        if self.name == "sdirk":
-            return self._sdirk(t, h, x, z, held)
-        return self._explicit(t, h, x, z, held)
+        ways = {"rosenbrock": self._rosenbrock, "sdirk": self._sdirk}
+        new, end, rough = ways.get(self.name, self._explicit)(t, h, x, z, held)
+        if self._determinants.numel_out(0):
+            before = self._determinants(t, x, self.algebraic(t, x, z, held), *held)
+            rough = ca.logic_or(rough, meets(h, before, self._determinants(t + h, new, end, *held)))
+        return new, end, rough
 
     def algebraic(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
         """Algebraic variables at a point, by a fixed number of Newton steps from `z`."""
@@ -207,6 +210,10 @@ class Method:
         here = self._symbols()
         alg = self.rates(*here)[1]
         return ca.Function("newton", here, [here[2] - ca.solve(ca.jacobian(alg, here[2]), alg)])
+
+    @cached_property
+    def _determinants(self) -> Any:
+        return along_solution(self.rates)
 
     def _explicit(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
         rough: Any = ca.SX(0)

@@ -52,7 +52,8 @@ class StepFunction:
     `step.unlocated`, more happened than the one event that is located: another relation was passed, one was there and
     back, or time came to an instant at which a relation of it changes, or a clock ticks, before the end of the step;
     `step.too_large`, an explicit method is not stable at this step, so that what it computes means nothing;
-    `step.unconverged`, the fixed number of Newton steps did not solve the algebraic equations, or those of a stage.
+    `step.unconverged`, the fixed number of Newton steps did not solve the algebraic equations, or those of a stage, or
+    solutions of the algebraic equations may meet within the step, so that it may have gone over to another one.
     y ends with `step.error`, unless it was left out: an estimate of what the step adds to the error of a state, by its
     nominal value, infinite where it could not be computed. The sum over a run is the error of its states, but for what
     the model makes of earlier errors: it forgets those of stiff parts, which are in the sum, and enlarges those before

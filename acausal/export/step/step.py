@@ -192,7 +192,7 @@ class _Builder:
         missed = Port("step.unlocated", "", "1 if the step missed an event besides the one it located", 0.0)
         large = Port("step.too_large", "", "1 if the explicit method is unstable at this step", 0.0)
         events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
-        rough = Port("step.unconverged", "", "1 if Newton's method did not converge in the step", 0.0)
+        rough = Port("step.unconverged", "", "1 if Newton's method did not converge, or solutions may meet", 0.0)
         error = Port("step.error", "", "Estimated error that the step adds to a state, by its nominal value", 0.0)
         flags = events + [large] * self.method.is_explicit + [rough] * self.method.iterates
         return flags + [error] * self.estimates

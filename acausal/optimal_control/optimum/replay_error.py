@@ -10,6 +10,7 @@ from acausal.arrays import Vector
 from acausal.errors import AcausalError, OptimizationError
 from acausal.optimal_control.optimum.optimum import Optimum
 from acausal.result.result import Result
+from acausal.simulate.record.branches import on_meeting
 
 # Ends within this distance are equal, relative to the duration of all phases: a model may terminate with the last
 # phase.
@@ -18,18 +19,18 @@ _SAME_END = 1e-3
 _SAME_VALUE, _SMALL = 1e-6, 0.1
 
 
-def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vector]]:
-    """(Largest deviation of the replay, its increase over each interval for each phase, shape (intervals,)).
+def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vector], tuple[str, ...]]:
+    """(Largest deviation of the replay, its increase over each interval for each phase, notes on other solutions).
 
     Deviations are relative to the largest magnitudes of the states. All are infinite if the simulation fails.
-    `intervals` are the numbers of intervals of the phases.
+    `intervals` are the numbers of intervals of the phases, and shapes of the increases.
 
     Raises OptimizationError: AC704 if an event inside a phase changes a discrete variable, or terminates the run.
     """
     try:
         run = best.replay()
     except AcausalError:
-        return np.inf, [np.full(n, np.inf) for n in intervals]
+        return np.inf, [np.full(n, np.inf) for n in intervals], ()
     _refuse_end(best, run)
     _refuse_changes(best, run)
     off = best.distances(run)
@@ -42,7 +43,7 @@ def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[V
         reached = each[:, k, known[-1]] if len(known) else reached
         ends[k + 1] = reached
     farther = np.abs(np.diff(ends, axis=0)).max(axis=1, initial=0.0)
-    return worst, np.split(farther, np.cumsum(intervals)[:-1])
+    return worst, np.split(farther, np.cumsum(intervals)[:-1]), on_meeting(run)
 
 
 def _refuse_end(best: Optimum, run: Result) -> None:

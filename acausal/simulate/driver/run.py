@@ -38,7 +38,7 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
-from acausal.simulate.record.branches import crossed_branches
+from acausal.simulate.record.branches import crossed_branches, looks
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
 from acausal.simulate.record.singular import singular_positions
@@ -84,7 +84,8 @@ class Run:
     start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
     `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
     `searches` says whether what steep functions do between rows is searched: not under a bound on all steps.
-    `unsearched` are starts of stretches of too many steps for that [s]. `problem` are the equations with the numbers of
+    `unsearched` are starts of stretches of too many steps for that [s], and `unshown` instants of rows that the result
+    leaves out. `problem` are the equations with the numbers of
     this run, `tables` the stops that long tables of time demand, `tolerances` those of the solver, a share of the
     run's.
     """
@@ -110,6 +111,7 @@ class Run:
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     unsearched: list[float] = field(default_factory=list)
+    unshown: Vector = field(default_factory=lambda: np.zeros(0))
     recorder: Recorder | None = None
     stopped: Segment | None = None
     dynamics: Smooth | Hybrid | IndependentSystems | None = None
@@ -249,6 +251,9 @@ class Run:
         grid = opts.grid() if self.outputs is None else self.outputs
         if not self.solver.multistep:
             grid = np.union1d(grid, self.tables.instants)
+        if self.outputs is None:
+            self.unshown = looks(self.compiled, opts, self.solver.fixed_step)
+            grid = np.union1d(grid, self.unshown)
         bounds = self.tables if self.solver.multistep else NONE
         known = schedule(self.compiled, self.p, self.inputs, instants, grid, bounds, opts.max_step)
         template = self.segment(float(instants[0]), known.times, start.x, start.z, m)
@@ -422,7 +427,7 @@ class Run:
     def finished(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
         """The result of what was recorded."""
         grid = self.options.grid() if self.outputs is None else self.outputs
-        recorder.hide_at(self.tables.instants, np.append(grid, self.inputs.breaks))
+        recorder.hide_at(np.concatenate([self.tables.instants, self.unshown]), np.append(grid, self.inputs.breaks))
         known = functions_of(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, independent, native = self.hybrid, self.independent, self.problem.native

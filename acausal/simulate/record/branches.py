@@ -8,14 +8,14 @@ rootfinder returns. Neither is wrong by the equations, so a note says where it w
 A determinant that changes its sign while the unknowns stay continuous tells it: the index of an isolated solution is
 this sign, and where it changes, other solutions meet this one. Source: M. A. Krasnoselskii, Topological Methods in the
 Theory of Nonlinear Integral Equations (1964), chapter IV. Where a run turns off, the sign may stay (it is opposite on
-the two solutions): so the solution is followed straight on from before, along the recorded states. Only blocks that are
-nonlinear in their own unknowns have several solutions, so those of networks that are linear cost nothing.
+the two solutions), and where two others meet it at once, it stays, too: so where a determinant dips, the solution is
+followed straight on from before, along the recorded states, to its zero. Only blocks that are nonlinear in their own
+unknowns have several solutions, so those of networks that are linear cost nothing.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -27,49 +27,107 @@ from acausal.arrays import Vector
 from acausal.diagnose.words import listed
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.nonlinear_blocks import nonlinear_blocks
+from acausal.result.result import Result
 from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
+
+_WAYS = "a run may go straight on or turn off into another one"
 
 Rows = tuple[Vector, ...]  # times, states, algebraic variables, modes; columns are instants
 
-_LARGEST = 60  # unknowns of a block
-_MOST_WORK, _FEWEST = 1e5, 64  # operations for the determinants of a run, and rows that are looked at in any case
+_DENSE = 100  # unknowns of a block whose determinants are those of a whole matrix
+_LEAST, _CHEAP = 64, 1e5  # rows that are looked at in any case, and operations that cost nothing beside a run
+_ENTRIES = 1_000_000  # of slopes that are in memory at once
+_LARGEST = 300  # unknowns of a block whose directions without slope are looked for
 _DIP = 0.4  # what is left of a determinant beside a zero, by its values two rows before and behind
 _POINTS = 37, 289  # at which the solution is followed beside a zero: what is found has to stay at the second
 _SINGULAR = 0.2  # what is left there, by the ends: a pole goes the other way
+_POLE = 5.0  # the same where it jumps at a kink
+_ZERO = 1e-8  # what is left of a determinant that touches zero
 _CURVED = 0.05  # change of the determinant with the unknowns at its zero, by its values at the ends
 _TURNED = 0.2  # distance from the solution straight on, by what is passed meanwhile
 _CALL = 300  # operations that take as long as a call
+_ZOOMS = 4  # times that the distance of the points beside a touched zero becomes smaller
 _MOST = 12  # places of a run that are followed
 _MOVE = 0.1  # of the unknowns, by their size, over which this change is taken
 _FAINT = 1e-9  # change of an unknown, by its nominal magnitude, that is none
 
 
 @dataclass(frozen=True, eq=False)
+class _Block:
+    """Algebraic equations with several solutions: places of their unknowns, and of the entries of their slope."""
+
+    columns: NDArray[np.intp]
+    row: NDArray[np.intp]  # column by column
+    column: NDArray[np.intp]
+
+    def matrices(self, entries: Vector) -> Vector:
+        """Slopes, shape (n, size, size), from their entries, shape (n, entries)."""
+        found = np.zeros((len(entries), len(self.columns), len(self.columns)))
+        found[:, self.row, self.column] = entries
+        return found
+
+    def determinants(self, entries: Vector) -> tuple[Vector, Vector]:
+        """Signs of the determinants, and logarithms of their magnitudes, shape (n,) each."""
+        if len(self.columns) == 1:
+            with np.errstate(divide="ignore"):
+                return np.sign(entries[:, 0]), np.log(np.abs(entries[:, 0]))
+        if len(self.columns) <= _DENSE:
+            signs, sizes = np.linalg.slogdet(self.matrices(entries))
+            return signs, sizes
+        found = np.array([self._sparse(values) for values in entries])
+        return found[:, 0], found[:, 1]
+
+    def _sparse(self, values: Vector) -> tuple[float, float]:
+        """The same of one slope, by a sparse factorisation."""
+        import scipy.sparse.linalg  # a tenth of a second, which only large blocks have to wait for
+
+        first = np.searchsorted(self.column, np.arange(len(self.columns) + 1))
+        try:
+            lu = scipy.sparse.linalg.splu(scipy.sparse.csc_matrix((values, self.row, first)))
+        except RuntimeError:  # singular
+            return 0.0, -np.inf
+        pivots = lu.U.diagonal()
+        sign = _parity(lu.perm_r.tolist()) * _parity(lu.perm_c.tolist()) * np.prod(np.sign(pivots))
+        return float(sign), float(np.log(np.abs(pivots)).sum())
+
+
+def _parity(order: list[int]) -> int:
+    """1 for an even permutation, -1 for an odd one, by its transpositions."""
+    sign = 1
+    for k in range(len(order)):
+        while order[k] != k:
+            other = order[k]
+            order[k], order[other], sign = order[other], other, -sign
+    return sign
+
+
+@dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Blocks of algebraic equations with several solutions: places among the unknowns, and their slopes."""
+    """All such blocks of a model."""
 
-    columns: tuple[NDArray[np.intp], ...]
-    slopes: Any  # `(t, x, z, u, p, m) -> entries` of the blocks one by one, each column by column
+    blocks: tuple[_Block, ...]
+    slopes: Any  # `(t, x, z, u, p, m) -> entries` of one block after the other, by unknowns in nominal magnitudes
 
-    def matrices(self, problem: Problem, at: Rows) -> list[Vector]:
-        """Slopes of each block by its own unknowns in their nominal magnitudes, shape (n, size, size)."""
+    def entries(self, problem: Problem, at: Rows) -> list[Vector]:
+        """Entries of the slope of each block, shape (n, entries)."""
         t, x, z, m = (np.ascontiguousarray(a.T) for a in at)
-        entries = rows(self.slopes, (t[:, None], x, z, problem.u, problem.p, m))
-        entries[~np.isfinite(entries)] = 0.0
-        sizes = [len(c) for c in self.columns]
-        parts = np.split(entries, np.cumsum(np.square(sizes))[:-1], axis=1)
-        return [part.reshape(-1, n, n).transpose(0, 2, 1) for part, n in zip(parts, sizes, strict=True)]
+        found = rows(self.slopes, (t[:, None], x, z, problem.u, problem.p, m))
+        found[~np.isfinite(found)] = 0.0
+        return np.split(found, np.cumsum([len(b.row) for b in self.blocks])[:-1], axis=1)
 
     def determinants(self, problem: Problem, at: Rows) -> tuple[Vector, Vector]:
         """Signs of the determinants of all blocks, and logarithms of their magnitudes, shape (blocks, n) each."""
-        with np.errstate(divide="ignore"):
-            found = [
-                (np.sign(m[:, 0, 0]), np.log(np.abs(m[:, 0, 0]))) if m.shape[1] == 1 else np.linalg.slogdet(m)
-                for m in self.matrices(problem, at)
-            ]
-        return np.array([signs for signs, _ in found]), np.array([sizes for _, sizes in found])
+        largest = max(min(len(b.columns), _DENSE) ** 2 for b in self.blocks)
+        many, parts = 1 + _ENTRIES // (largest + self.slopes.numel_out(0)), []
+        for first in range(0, len(at[0]), many):
+            entries = self.entries(problem, tuple(a[..., first : first + many] for a in at))
+            parts.append(np.array([b.determinants(e) for b, e in zip(self.blocks, entries, strict=True)]))
+        signs, sizes = np.concatenate(parts, axis=-1).swapaxes(0, 1)
+        return signs, sizes
 
 
 # None for models whose equations have one solution.
@@ -81,22 +139,27 @@ def _blocks(compiled: CompiledModel) -> _Blocks | None:
     if compiled not in _KNOWN:
         s = Symbols(compiled)
         slope = ca.jacobian(compiled.rhs(*s.inputs)[1], s.z)
-        pattern = slope.sparsity()
-        _, order, unknowns, first, *_ = pattern.btf()
-        curved = ca.jacobian_sparsity(slope.nz[:], s.z).T  # columns are entries of the slope
-        at, depends = curved.colind(), curved.row()
-        columns: list[NDArray[np.intp]] = []
-        entries: list[int] = []
-        for a, b in pairwise(first):
-            places = unknowns[a:b]
-            own, taken = set(places), pattern.get_nz(order[a:b], places) if b - a <= _LARGEST else []
-            if any(own.intersection(depends[at[k] : at[k + 1]]) for k in taken if k >= 0):
-                columns.append(np.array(places, dtype=np.intp))
-                entries += [k % (slope.nnz() + 1) for k in taken]  # -1 is none, which is the zero behind all others
-        scaled = ca.vertcat((slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[:], 0.0)
-        function = ca.Function("slopes", s.inputs, [ca.densify(scaled[entries])]) if entries else None
-        _KNOWN[compiled] = _Blocks(tuple(columns), function) if entries else None
+        blocks, entries = [], []
+        for equations, unknowns in nonlinear_blocks(slope, s.z):
+            pattern, places = slope.sparsity().sub(equations, unknowns, False)
+            blocks.append(_Block(*(np.array(v, dtype=np.intp) for v in (unknowns, *pattern.get_triplet()))))
+            entries += places
+        scaled = (slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[entries]
+        function = ca.Function("slopes", s.inputs, [scaled])
+        _KNOWN[compiled] = _Blocks(tuple(blocks), function) if entries else None
     return _KNOWN[compiled]
+
+
+def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
+    """Instants [s] of rows that a run of few rows needs to tell this, also of closed loops; none for most models."""
+    several = bool(compiled.solution.structure.invariants) or (
+        bool(compiled.algebraic) and _blocks(compiled) is not None
+    )
+    if not several or options.span >= _LEAST * options.output_interval:
+        return np.zeros(0)
+    step = options.step if is_fixed and options.step is not None else options.span / _LEAST
+    count = int(options.span / step * (1 - 1e-9))
+    return options.start_time + step * np.unique(np.linspace(1, count, min(count, _LEAST)).astype(int))
 
 
 def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> tuple[str, ...]:
@@ -112,8 +175,9 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> t
     if blocks is None:
         return ()
     whole = recorder.rows()
-    work = _CALL + blocks.slopes.n_instructions() + sum(len(c) ** 3 for c in blocks.columns)
-    most = max(_FEWEST, int(_MOST_WORK / work))
+    work = _CALL + blocks.slopes.n_instructions() + sum(len(b.row) * len(b.columns) for b in blocks.blocks)
+    # as many as the solver has made steps: where there are fewer steps than rows, the rows tell little more
+    most = int(max(_LEAST, recorder.counters.get("steps", recorder.count), _CHEAP / work))
     some = np.unique(np.linspace(0, recorder.count - 1, min(recorder.count, most)).astype(int))
     joined = _joined(whole, some)
     at = tuple(a[..., some] for a in whole)
@@ -121,24 +185,24 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> t
     all_signs, all_sizes = blocks.determinants(problem, at)
     flips, dips = _turning(joined, all_signs, all_sizes)
     for number in np.flatnonzero(flips.any(axis=1) | dips.any(axis=1)).tolist():
-        signs, sizes, z = all_signs[number], all_sizes[number], at[2][blocks.columns[number]]
-        low = np.flatnonzero(dips[number] & _turns(at[0], z))
+        signs, sizes, low = all_signs[number], all_sizes[number], np.flatnonzero(dips[number])
         for first, last in _windows(joined, np.flatnonzero(flips[number]), low[np.argsort(sizes[low])]):
             window = tuple(a[..., some[first] : some[last] + 1] for a in whole)
             ends, flipped = sizes[[first, last]], signs[first] * signs[last] < 0.0
-            tried = [_crossing(problem, blocks, number, window, ends, flipped, points) for points in _POINTS]
-            places = [place for place in tried if place is not None]
+            places = [_crossing(problem, blocks, number, window, ends, flipped, _POINTS[0])]
             if is_coarse:
-                places += _other_solution(problem, blocks.columns[number], window)
-            found += places[:1] if is_coarse or len(places) == len(tried) else []
+                places += _other_solution(problem, blocks.blocks[number].columns, window)
+            elif places[0] is not None:
+                places = [_crossing(problem, blocks, number, window, ends, flipped, _POINTS[1])]
+            found += [place for place in places if place is not None][:1]
     if not found:
         return ()
     t, moved = min(found)
     names = listed([compiled.algebraic[c] for c in moved], 4)
     return (
-        f"near t = {t:.4g} s solutions of the equations for {names} meet: a run may go straight on or turn off into "
-        "another one, and rounding decides which it takes; look at these variables behind that time, compare solvers, "
-        "and state which solution is meant, by where(...) or another form of the equation",
+        f"near t = {t:.4g} s solutions of the equations for {names} meet: {_WAYS}, and rounding decides which it "
+        "takes; look at these variables behind that time, compare solvers, and state which solution is meant, by "
+        "where(...) or another form of the equation",
     )
 
 
@@ -161,17 +225,6 @@ def _turning(joined: NDArray[np.bool_], signs: Vector, sizes: Vector) -> tuple[N
         left, right = np.maximum(sizes[:, :-4], sizes[:, 1:-3]), np.maximum(sizes[:, 3:-1], sizes[:, 4:])
         dips[:, 2:-2] = inside & (sizes[:, 2:-2] <= np.minimum(left, right) + np.log(_DIP))
     return flips, dips
-
-
-def _turns(t: Vector, z: Vector) -> NDArray[np.bool_]:
-    """Whether some of the unknowns `z`, shape (size, n), have other slopes before a row and behind it, shape (n,)."""
-    found = np.zeros(len(t), dtype=bool)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        slopes = np.diff(z) / np.diff(t)
-        before, behind = slopes[:, :-3], slopes[:, 3:]
-        turned = np.abs(behind - before) > _TURNED * np.maximum(np.abs(before), np.abs(behind))
-    found[2:-2] = turned.any(axis=0)
-    return found
 
 
 def _windows(joined: NDArray[np.bool_], flips: NDArray[np.intp], dips: NDArray[np.intp]) -> list[tuple[int, int]]:
@@ -197,27 +250,54 @@ def _crossing(
     `flips`: Whether its sign is another one in the last.
     `points`: At which the solution is followed.
     """
-    columns, (t, _, z, m) = blocks.columns[number], window
+    columns, (t, _, z, _) = blocks.blocks[number].columns, window
     wanted = np.union1d(np.linspace(t[0], t[-1], points), t)[1:]
     try:
-        x, straight = problem.straight_on(window, wanted)
+        along, signs, sizes = _straight_on(problem, blocks, number, window, wanted)
     except RuntimeError:  # the solution ends, and the run goes on
         return (float(np.mean(t)), tuple(columns.tolist())) if flips else None
-    modes = np.tile(m[:, :1], (1, len(wanted)))
-    along = wanted, x, straight, modes
-    signs, sizes = (found[number] for found in blocks.determinants(problem, along))
-    least = np.log(_SINGULAR) + float(ends.min())
-    changes = np.flatnonzero((signs[1:] * signs[:-1] <= 0.0) & (np.minimum(sizes[1:], sizes[:-1]) < least))
+    changes = signs[1:] * signs[:-1] <= 0.0
+    changes &= np.maximum(sizes[1:], sizes[:-1]) < np.log(_POLE) + float(ends.max())
+    if changes.any():
+        k = int(np.argmax(changes))
+        return _place(problem, blocks, number, along, [k, k + 1], float(ends.min()))
     scale = problem.scale_z[columns]
-    if len(changes):
-        k = int(changes[0])
-        k += int(sizes[k + 1] < sizes[k])
-        return _place(problem, blocks, number, along, k, float(ends.min()))
-    off = np.abs(straight[columns][:, np.isin(wanted, t)] - z[columns, 1:]).max(axis=1) / scale
+    off = np.abs(along[2][columns][:, np.isin(wanted, t)] - z[columns, 1:]).max(axis=1) / scale
     passed = np.abs(z[columns] - z[columns, :1]).max(axis=1) / scale
     turned = off > _TURNED * passed + _FAINT
     k = int(np.argmin(sizes))
-    return (float(wanted[k]), tuple(columns[turned].tolist())) if turned.any() and (flips or sizes[k] < least) else None
+    if not (flips or sizes[k] < np.log(_SINGULAR) + float(ends.min())):
+        return None
+    if turned.any():
+        return float(wanted[k]), tuple(columns[turned].tolist())
+    return _touching(problem, blocks, number, window, wanted[max(k - 1, 0) : k + 2], float(ends.min()))
+
+
+def _straight_on(
+    problem: Problem, blocks: _Blocks, number: int, window: Rows, wanted: Vector
+) -> tuple[Rows, Vector, Vector]:
+    """The solution at some instants as it went on from the first of some rows, and what its determinants are."""
+    x, z = problem.straight_on(window, wanted)
+    along = wanted, x, z, np.tile(window[3][:, :1], (1, len(wanted)))
+    signs, sizes = blocks.determinants(problem, along)
+    return along, signs[number], sizes[number]
+
+
+def _touching(
+    problem: Problem, blocks: _Blocks, number: int, window: Rows, wanted: Vector, end: float
+) -> tuple[float, tuple[int, ...]] | None:
+    """The place near some instants at which the determinant is zero and has one sign on both sides; None without."""
+    for _ in range(_ZOOMS):
+        try:
+            at = np.linspace(wanted[0], wanted[-1], _POINTS[0])
+            along, _, sizes = _straight_on(problem, blocks, number, window, at)
+        except RuntimeError:
+            return None
+        k = int(np.argmin(sizes))
+        if sizes[k] < np.log(_ZERO) + end:
+            return _place(problem, blocks, number, along, [k, k], end)
+        wanted = at[max(k - 1, 0) : k + 2]
+    return None
 
 
 def _other_solution(problem: Problem, columns: NDArray[np.intp], window: Rows) -> list[tuple[float, tuple[int, ...]]]:
@@ -230,18 +310,27 @@ def _other_solution(problem: Problem, columns: NDArray[np.intp], window: Rows) -
 
 
 def _place(
-    problem: Problem, blocks: _Blocks, number: int, along: Rows, k: int, end: float
+    problem: Problem, blocks: _Blocks, number: int, along: Rows, two: list[int], end: float
 ) -> tuple[float, tuple[int, ...]] | None:
-    """The crossing at one of the points of a solution; None where the unknowns are only undefined there.
+    """The crossing between two points of a solution; None where the unknowns are only undefined there.
 
     The other solution leaves in the direction in which the equations have no slope. Where that stays so along this
     direction (x * (z - 1) == 0 at x = 0) there is none: any z solves the equations there, and beside it only one.
     """
-    columns = blocks.columns[number]
-    here = tuple(a[..., [k, k, k]] for a in along)
-    matrix = blocks.matrices(problem, here)[number][0]
+    block = blocks.blocks[number]
+    columns, (before, behind) = block.columns, two
+    entries = blocks.entries(problem, tuple(a[..., two] for a in along))[number]
+    signs, sizes = block.determinants(entries)
+    k = behind if sizes[1] < sizes[0] else before
+    t = float(along[0][k])
+    if len(columns) > _LARGEST:
+        return t, tuple(columns.tolist())
+    values = np.exp(np.minimum(sizes - sizes.max(), 0.0)) if np.isfinite(sizes.max()) else np.ones(2)
+    share = values[0] / values.sum()  # at a kink there is no point beside its zero, but a mean of both slopes
+    matrix = block.matrices((1 - share) * entries[:1] + share * entries[1:])[0]
     size = np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
     direction = np.linalg.svd(matrix / size)[2][-1]
+    here = tuple(a[..., [k, k, k]] for a in along)
     moved = _MOVE * (1.0 + float((np.abs(along[2][columns, k]) / problem.scale_z[columns]).max()))
     z = here[2].copy()
     z[columns] += np.outer(problem.scale_z[columns] * direction, [0.0, moved, -moved])
@@ -249,4 +338,11 @@ def _place(
     values = signs * np.exp(np.minimum(sizes - end, 50.0))
     if not np.abs(values[1:] - values[0]).max() > _CURVED:
         return None
-    return float(along[0][k]), tuple(columns[np.abs(direction) > 0.1].tolist())
+    return t, tuple(columns[np.abs(direction) > 0.1 * np.abs(direction).max()].tolist())
+
+
+def on_meeting(result: Result) -> tuple[str, ...]:
+    """Those notes of a run that say where solutions meet."""
+    notes = result.stats["notes"]
+    assert isinstance(notes, tuple)
+    return tuple(note for note in notes if _WAYS in note)

@@ -1,0 +1,25 @@
+"""Blocks of algebraic equations that may have several solutions: those that are nonlinear in their own unknowns."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+
+
+def nonlinear_blocks(slope: Any, unknowns: Any) -> list[tuple[list[int], list[int]]]:
+    """(Rows, columns) of each block on the diagonal of `slope` that depends on the block's own `unknowns`.
+
+    `slope`: Of the equations by the unknowns, SX of shape (n, n), as `casadi.jacobian` makes it.
+    """
+    pattern = slope.sparsity()
+    _, equations, columns, first, *_ = pattern.btf()
+    curved = ca.jacobian_sparsity(slope.nz[:], unknowns).T  # columns are entries of the slope
+    at, depends, found = curved.colind(), curved.row(), []
+    for a, b in pairwise(first):
+        block = list(equations[a:b]), list(columns[a:b])
+        own, (_, entries) = set(block[1]), pattern.sub(*block, False)
+        if any(own.intersection(depends[at[k] : at[k + 1]]) for k in entries):
+            found.append(block)
+    return found
