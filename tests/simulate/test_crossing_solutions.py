@@ -9,7 +9,23 @@ from typing import Any
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, cos, der, exp, fabs, fixed, guess, sin, structural, variable
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    cos,
+    der,
+    exp,
+    fabs,
+    fixed,
+    guess,
+    maximum,
+    minimum,
+    sin,
+    structural,
+    variable,
+    where,
+)
 from acausal.errors import IntegrationError
 
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk", "rk", "rk2", "collocation"]
@@ -47,6 +63,10 @@ CROSSING: dict[str, Residuals] = {
     "three": lambda x, y, z: [y**3 - x**2 * y, z - y],
     # the same kind without a product: sin(x) and -sin(x) on a circle
     "circle": lambda x, y, z: [y**2 + z**2 - 1.0, z - cos(x)],
+    # determinants that jump from -1 to 1, between steps and as an event, and one that is zero at a kink
+    "kink": lambda x, y, z: [fabs(y) - fabs(x), z - y],
+    "event": lambda x, y, z: [where(y > 0.0, y, -y) - where(x > 0.0, x, -x), z - y],
+    "zero at a kink": lambda x, y, z: [minimum(y, y - x) * maximum(y, y - x), z - y],
 }
 # One solution, or another one that stays away: the integral of y from x = -1 to 1, where there is a short one.
 HEALTHY: dict[str, Residuals] = {
@@ -55,6 +75,9 @@ HEALTHY: dict[str, Residuals] = {
     "rectifier": lambda x, y, z: [1e-9 * (exp(y / 0.025) - 1.0) - (3.0 * x - y) / 100.0, z - y],
     "smooth turn": lambda x, y, z: [y * (x - y) + 1e-6, z - y],
     "touched factor": lambda x, y, z: [x**2 * (exp(y) - exp(-1.0)), z - y],
+    # kinks and jumps of one solution: y is x / 3 or x, and another residual on each side
+    "kinked": lambda x, y, z: [where(y > 0.0, 3.0 * y, y) - x, z - y],
+    "blocks": lambda x, y, z: [where(y < 0.0, x - y, y**3 + y - x), z - y],
     "near three": lambda x, y, z: [y**3 + (x**2 + 1e-3) * (y - x), z - y],
 }
 NEARER: dict[str, Residuals] = {"nearer": lambda x, y, z: [y * (x - y) + 1e-9, z - y]}
@@ -72,7 +95,10 @@ def noted(result: acausal.Result) -> bool:
 
 @pytest.mark.parametrize(
     ("equation", "solver"),
-    [*((e, s) for e in CROSSING for s in ("idas", "rosenbrock", "cvodes")), *(("product", s) for s in SOLVERS[3:])],
+    [
+        *((e, s) for e in CROSSING for s in ("idas", "rosenbrock", "cvodes")),
+        *((e, s) for e in ("product", "kink") for s in SOLVERS[3:]),
+    ],
 )
 def test_a_run_through_a_crossing_says_so_or_ends_there(equation: str, solver: str) -> None:
     """By the equations both ways are right: `cvodes` and `erk` turned off, `idas` went straight on, all in silence."""

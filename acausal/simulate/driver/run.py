@@ -211,8 +211,8 @@ class Run:
         notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
         controlled = not self.solver.fixed_step and opts.step is None
         unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
-        is_coarse = self.solver.algebraic and not controlled
-        unknown = (*unknown, *(singular_positions(recorder) or crossed_branches(self.problem, recorder, is_coarse)))
+        meeting = crossed_branches(self.problem, recorder, not controlled, self.solver.algebraic)
+        unknown = (*unknown, *(singular_positions(recorder) or meeting))
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.finished(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))

@@ -32,6 +32,7 @@ from acausal.result.result import Result
 from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
+from acausal.simulate.record.kinked import meeting_at_kinks
 from acausal.simulate.record.record import Recorder
 
 _WAYS = "a run may go straight on or turn off into another one"
@@ -53,6 +54,8 @@ _CALL = 300  # operations that take as long as a call
 _ZOOMS = 4  # times that the distance of the points beside a touched zero becomes smaller
 _MOST = 12  # places of a run that are followed
 _MOVE = 0.1  # of the unknowns, by their size, over which this change is taken
+_KINKS = frozenset(("fabs", "min", "max", "noevent"))
+_SAME = 1e-9  # change of a variable, by its size, that is none at one instant
 _FAINT = 1e-9  # change of an unknown, by its nominal magnitude, that is none
 
 
@@ -111,6 +114,7 @@ class _Blocks:
 
     blocks: tuple[_Block, ...]
     slopes: Any  # `(t, x, z, u, p, m) -> entries` of one block after the other, by unknowns in nominal magnitudes
+    modes: list[int]  # those that rates and equations depend on
 
     def entries(self, problem: Problem, at: Rows) -> list[Vector]:
         """Entries of the slope of each block, shape (n, entries)."""
@@ -138,7 +142,8 @@ def _blocks(compiled: CompiledModel) -> _Blocks | None:
     compiled = compiled.common
     if compiled not in _KNOWN:
         s = Symbols(compiled)
-        slope = ca.jacobian(compiled.rhs(*s.inputs)[1], s.z)
+        ode, alg = compiled.rhs(*s.inputs)
+        slope = ca.jacobian(alg, s.z)
         blocks, entries = [], []
         for equations, unknowns in nonlinear_blocks(slope, s.z):
             pattern, places = slope.sparsity().sub(equations, unknowns, False)
@@ -146,7 +151,8 @@ def _blocks(compiled: CompiledModel) -> _Blocks | None:
             entries += places
         scaled = (slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[entries]
         function = ca.Function("slopes", s.inputs, [scaled])
-        _KNOWN[compiled] = _Blocks(tuple(blocks), function) if entries else None
+        modes = sorted(set(ca.jacobian_sparsity(ca.vertcat(ode, alg), s.m).get_col()))
+        _KNOWN[compiled] = _Blocks(tuple(blocks), function, modes) if entries else None
     return _KNOWN[compiled]
 
 
@@ -162,28 +168,47 @@ def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
     return options.start_time + step * np.unique(np.linspace(1, count, min(count, _LEAST)).astype(int))
 
 
-def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> tuple[str, ...]:
+def crossed_branches(problem: Problem, recorder: Recorder, is_fixed: bool, is_implicit: bool) -> tuple[str, ...]:
     """The note on points between the rows of a run at which solutions of algebraic equations cross.
 
-    `is_coarse`: Whether the run itself may take a near miss for a crossing: fixed implicit steps, whose stages may stay
-    on another solution than their ends. The sum of these is then wrong, though all rows solve the equations.
+    `is_fixed`: Whether its steps are fixed: no step ends at a kink.
+    `is_implicit`: Whether algebraic variables are unknowns of its steps. Where these are fixed, too, the run itself may
+    take a near miss for a crossing: stages may stay on another solution than their ends. The sum of these is then
+    wrong, though all rows solve the equations.
     """
+    found = [*meeting_at_kinks(problem, recorder), *_meeting(problem, recorder, is_fixed, is_fixed and is_implicit)]
+    if not found:
+        return ()
+    t, moved = min(found)
+    names = listed([problem.compiled.algebraic[c] for c in moved], 4)
+    return (
+        f"near t = {t:.4g} s solutions of the equations for {names} meet: {_WAYS}, and rounding decides which it "
+        "takes; look at these variables behind that time, compare solvers, and state which solution is meant, by "
+        "where(...) or another form of the equation",
+    )
+
+
+def _meeting(
+    problem: Problem, recorder: Recorder, is_fixed: bool, is_coarse: bool
+) -> list[tuple[float, tuple[int, ...]]]:
+    """Instants at which solutions meet, and the unknowns in which they differ."""
     compiled = problem.compiled
-    if not compiled.algebraic or recorder.count < 4:
-        return ()
-    blocks = _blocks(compiled)
+    blocks = _blocks(compiled) if compiled.algebraic and recorder.count >= 4 else None
     if blocks is None:
-        return ()
-    whole = recorder.rows()
+        return []
+    whole = _distinct(recorder, blocks.modes)
+    count = len(whole[0])
     work = _CALL + blocks.slopes.n_instructions() + sum(len(b.row) * len(b.columns) for b in blocks.blocks)
     # as many as the solver has made steps: where there are fewer steps than rows, the rows tell little more
-    most = int(max(_LEAST, recorder.counters.get("steps", recorder.count), _CHEAP / work))
-    some = np.unique(np.linspace(0, recorder.count - 1, min(recorder.count, most)).astype(int))
-    joined = _joined(whole, some)
+    most = int(max(_LEAST, recorder.counters.get("steps", count), _CHEAP / work))
+    some = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
+    joined = _joined(whole, blocks.modes, some)
     at = tuple(a[..., some] for a in whole)
     found: list[tuple[float, tuple[int, ...]]] = []
     all_signs, all_sizes = blocks.determinants(problem, at)
     flips, dips = _turning(joined, all_signs, all_sizes)
+    for number, block in enumerate(blocks.blocks if is_fixed and _KINKS & compiled.operations else ()):
+        dips[number] |= _turns(joined, at[0], at[2][block.columns])
     for number in np.flatnonzero(flips.any(axis=1) | dips.any(axis=1)).tolist():
         signs, sizes, low = all_signs[number], all_sizes[number], np.flatnonzero(dips[number])
         for first, last in _windows(joined, np.flatnonzero(flips[number]), low[np.argsort(sizes[low])]):
@@ -195,20 +220,22 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_coarse: bool) -> t
             elif places[0] is not None:
                 places = [_crossing(problem, blocks, number, window, ends, flipped, _POINTS[1])]
             found += [place for place in places if place is not None][:1]
-    if not found:
-        return ()
-    t, moved = min(found)
-    names = listed([compiled.algebraic[c] for c in moved], 4)
-    return (
-        f"near t = {t:.4g} s solutions of the equations for {names} meet: {_WAYS}, and rounding decides which it "
-        "takes; look at these variables behind that time, compare solvers, and state which solution is meant, by "
-        "where(...) or another form of the equation",
-    )
+    return found
 
 
-def _joined(whole: Rows, some: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _distinct(recorder: Recorder, modes: list[int]) -> Rows:
+    """The rows of a run without those behind something that changes neither variables nor equations: a located kink."""
+    t, x, z, m = recorder.rows()
+    again = (np.diff(t) <= 0.0) & (m[modes, 1:] == m[modes, :-1]).all(axis=0)
+    for values, nominal in ((x, recorder.compiled.nominal_x), (z, recorder.compiled.nominal_z)):
+        again &= (np.abs(np.diff(values)) <= _SAME * (nominal[:, None] + np.abs(values[:, 1:]))).all(axis=0)
+    kept = np.concatenate([[True], ~again])
+    return t[kept], x[:, kept], z[:, kept], m[:, kept]
+
+
+def _joined(whole: Rows, modes: list[int], some: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Whether nothing happens between each of some rows and the next one, shape (some - 1,)."""
-    t, m = whole[0], whole[3]
+    t, m = whole[0], whole[3][modes]
     apart = (np.diff(t) <= 0.0) | (m[:, 1:] != m[:, :-1]).any(axis=0)
     before = np.concatenate([[0], np.cumsum(apart)])[some]
     return np.asarray(before[1:] == before[:-1])
@@ -225,6 +252,19 @@ def _turning(joined: NDArray[np.bool_], signs: Vector, sizes: Vector) -> tuple[N
         left, right = np.maximum(sizes[:, :-4], sizes[:, 1:-3]), np.maximum(sizes[:, 3:-1], sizes[:, 4:])
         dips[:, 2:-2] = inside & (sizes[:, 2:-2] <= np.minimum(left, right) + np.log(_DIP))
     return flips, dips
+
+
+def _turns(joined: NDArray[np.bool_], t: Vector, z: Vector) -> NDArray[np.bool_]:
+    """Whether some of the unknowns `z`, shape (size, n), have other slopes before a row and behind it, shape (n,)."""
+    found = np.zeros(len(t), dtype=bool)
+    if len(t) < 5:
+        return found
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slopes = np.diff(z) / np.diff(t)
+        before, behind = slopes[:, :-3], slopes[:, 3:]
+        turned = np.abs(behind - before) > np.maximum(np.abs(before), np.abs(behind))
+    found[2:-2] = turned.any(axis=0) & joined[:-3] & joined[1:-2] & joined[2:-1] & joined[3:]
+    return found
 
 
 def _windows(joined: NDArray[np.bool_], flips: NDArray[np.intp], dips: NDArray[np.intp]) -> list[tuple[int, int]]:

@@ -1,0 +1,104 @@
+"""Kinks of algebraic equations at which their solutions meet.
+
+Solutions of |y| == |x| meet at x = 0 where y changes its sign, without a determinant that would fall to zero there: it
+jumps, from -1 to 1. As long as an equation is continuous across a kink of its own unknowns, the signs of its
+determinant on both sides have to be equal, or on one side of the position there are two solutions more than on the
+other (the index of a solution, as in `acausal.simulate.record.branches`). What jumps (`where(blocks, i, v) == 0`) may
+have any sign on either side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+
+from acausal.arrays import Vector
+from acausal.lower.build import Symbols
+from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.calls.buffered import rows
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.record.record import Recorder
+
+_MOST, _JUDGED = 1000, 24  # rows that are looked at, and kinks that are judged
+_NEAR, _ASIDE = 1e-5, 1e-6  # distances from a kink: of the run, and of the points on both sides
+_CHANGES = 1e-3  # what equations change across a kink, by their slopes
+_JUMPS = 1e-2  # what they change along it, by this, where they are continuous
+
+
+@dataclass(frozen=True, eq=False)
+class _Kinks:
+    """Relations of algebraic variables in algebraic equations, and functions of `(t, x, z, u, p, m)`."""
+
+    relations: tuple[int, ...]
+    distances: Any  # of these
+    slopes: Any  # of the distances and of the equations by states and unknowns, in nominal magnitudes
+
+
+# None for models without.
+_KNOWN: WeakKeyDictionary[CompiledModel, _Kinks | None] = WeakKeyDictionary()
+
+
+def _kinks(compiled: CompiledModel) -> _Kinks | None:
+    compiled = compiled.common
+    if compiled not in _KNOWN:
+        s, count = Symbols(compiled), len(compiled.state_events.relations)
+        alg, known = compiled.rhs(*s.inputs)[1], ca.vertcat(s.x, s.z)
+        distances = compiled.events.distances(*s.inputs)
+        moved = set(ca.jacobian_sparsity(distances, s.z).row())
+        modes = {j - compiled.n_modes + count for j in ca.jacobian_sparsity(alg, s.m).get_col()}
+        own = [k for k in sorted(moved) if k in modes or compiled.events.ties[k] < 0]
+        scale = ca.diag(ca.DM(np.concatenate([compiled.nominal_x, compiled.nominal_z])))
+        both = [ca.densify(ca.jacobian(v, known) @ scale) for v in (distances[own], alg)]
+        here = ca.Function("distances", s.inputs, [ca.densify(distances[own])])
+        _KNOWN[compiled] = _Kinks(tuple(own), here, ca.Function("slopes", s.inputs, both)) if own else None
+    return _KNOWN[compiled]
+
+
+def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, tuple[int, ...]]]:
+    """The first kink of a run at which solutions meet, and the unknowns that pass it; none or one."""
+    kinks = _kinks(problem.compiled) if problem.compiled.algebraic and problem.compiled.state_events else None
+    if kinks is None:
+        return []
+    t, x, z, m = recorder.rows()
+    events = 1 + np.flatnonzero((m[:, 1:] != m[:, :-1]).any(axis=0))[:_MOST]
+    if not len(events):
+        return []
+    t, x, z, m = t[events], x[:, events].T.copy(), z[:, events].T.copy(), m[:, events].T.copy()
+    distances = rows(kinks.distances, (t[:, None], x, z, problem.u, problem.p, m))
+    judged = 0
+    for k in range(len(events)):
+        at = float(t[k]), x[k], z[k], problem.u, problem.p, m[k]
+        for j in np.flatnonzero(np.abs(distances[k]) < _NEAR * problem.scale_z.max()).tolist():
+            judged += 1
+            moved = _meeting(problem, kinks, j, at) if judged <= _JUDGED else ()
+            if moved:
+                return [(float(t[k]), moved)]
+    return []
+
+
+def _meeting(problem: Problem, kinks: _Kinks, j: int, at: tuple[Any, ...]) -> tuple[int, ...]:
+    """Unknowns of a kink beside this point, if the determinant has another sign behind it; else none."""
+    t, x, z, u, p, m = at
+    nx, first = len(x), len(m) - len(problem.compiled.state_events.relations)
+    normal = np.array(kinks.slopes(*at)[0])[j]
+    size = float(np.linalg.norm(normal[nx:]))
+    if not size > 0.0 or abs(float(kinks.distances(*at)[j])) > _NEAR * size:
+        return ()
+    sides: list[Vector] = []
+    for truth in (0.0, 1.0):
+        modes = m.copy()
+        modes[first + kinks.relations[j]] = truth
+        aside = z + (2 * truth - 1) * _ASIDE * problem.scale_z * normal[nx:] / size
+        sides.append(np.array(kinks.slopes(t, x, aside, u, p, modes)[1]))
+    reach = np.maximum(np.abs(sides[0]), np.abs(sides[1])).max(axis=1, keepdims=True)
+    change = (sides[1] - sides[0]) / np.where(reach > 0.0, reach, 1.0)
+    along = change - np.outer(change @ normal, normal) / (normal @ normal)
+    if not _CHANGES < np.abs(change).max() or np.abs(along).max() > _JUMPS * np.abs(change).max():
+        return ()
+    signs = [float(np.linalg.slogdet(side[:, nx:])[0]) for side in sides]
+    passing = np.flatnonzero(np.abs(normal[nx:]) > 0.1 * np.abs(normal[nx:]).max())
+    return tuple(passing.tolist()) if signs[0] * signs[1] < 0.0 else ()
