@@ -162,6 +162,24 @@ def test_exported_steps_say_where_solutions_meet(equation: str) -> None:
     assert max(said[2:5]) == 1.0
 
 
+def test_exported_steps_say_at_which_events_solutions_meet() -> None:
+    for equation, meets in (("event", True), ("kinked", False), ("blocks", False)):
+        made = acausal.step_function(acausal.compile(Crossing(equation=equation)), 0.01, "rk4")
+        assert any("solutions of algebraic equations meet where y > 0" in note for note in made.notes) is meets
+
+
+@pytest.mark.parametrize("start", [-0.03, -0.0237])
+def test_steps_that_turn_off_at_a_kink_say_so(start: float) -> None:
+    """Of |y| == |x|, on the end of a step or within one; the determinant is -1 on both sides of it."""
+    made = acausal.step_function(acausal.compile(Crossing(equation="kink", x=fixed(start))), 0.01, "rk4")
+    flag, x, said = made.y.position("step.unconverged"), made.x.start, []
+    for _ in range(4):
+        x, y = made.function(x, [], made.p.start)
+        said.append(float(y[flag]))
+    assert said[0] == said[3] == 0.0
+    assert max(said) == 1.0
+
+
 def test_exported_functions_hold_the_determinants() -> None:
     """Of y (x - y) the slope by y is x - 2 y: -x on y = x, x on y = 0."""
     model = acausal.compile(Crossing()).casadi()

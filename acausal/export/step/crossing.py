@@ -3,7 +3,9 @@
 Where they meet the determinant of the equations' slope is zero. From both ends of a step over such a point its tangent
 along the solution leads to zero within the step, whether it changes its sign there, touches zero, or the step has
 turned off into another solution (`acausal.simulate.record.branches` tells these apart for a run). A determinant that
-comes near zero and rises again within one step looks the same, and a step may change over there, too.
+comes near zero and rises again within one step looks the same, and a step may change over there, too. Where it jumps at
+a kink, a solution that turns off has one sign on both sides: there Newton's method is asked where it leads from the
+tangents of both ends (`Method.step`).
 """
 
 from __future__ import annotations
@@ -32,15 +34,16 @@ def determinants(rates: Any) -> Any:
 
 
 def along_solution(rates: Any) -> Any:
-    """Function `(t, x, z, *held) -> (signs, rates of the sizes [1/s])`, see `determinants`."""
+    """Function `(t, x, z, *held) -> (signs, rates of the sizes [1/s], rates of z)`, see `determinants`."""
     here = _arguments(rates)
     ode, alg = rates(*here)[:2]
     signs, sizes = determinants(rates)(*here)
+    follow: Any = ca.SX(0, 1)
     if signs.numel():
         known, forward = ca.vertcat(*here[:2]), ca.vertcat(1, ca.densify(ode))
         follow = -ca.solve(ca.jacobian(alg, here[2]), ca.densify(ca.jtimes(alg, known, forward)))
         sizes = ca.jtimes(sizes, ca.vertcat(known, here[2]), ca.vertcat(forward, follow))
-    return ca.Function("along_solution", here, [ca.densify(signs), ca.densify(sizes)])
+    return ca.Function("along_solution", here, [ca.densify(v) for v in (signs, sizes, follow)])
 
 
 def _arguments(rates: Any) -> list[Any]:
@@ -66,6 +69,6 @@ def _determinant(matrix: Any) -> tuple[Any, Any]:
 
 def meets(h: Any, before: Sequence[Any], behind: Sequence[Any]) -> Any:
     """1 where a determinant may be zero within a step of length `h`, from `along_solution` at both its ends."""
-    (first, falls), (last, rises) = before, behind
+    (first, falls, _), (last, rises, _) = before, behind
     to_zero = ca.logic_and(1 + h * falls <= _LEFT, 1 - h * rises <= _LEFT)
     return ca.sum1(ca.logic_or(first * last <= 0, to_zero)) > 0

@@ -158,10 +158,19 @@ class Method:
             return ca.vertcat(new, moving[1]), z, rough
         ways = {"rosenbrock": self._rosenbrock, "sdirk": self._sdirk}
         new, end, rough = ways.get(self.name, self._explicit)(t, h, x, z, held)
-        if self._determinants.numel_out(0):
-            before = self._determinants(t, x, self.algebraic(t, x, z, held), *held)
-            rough = ca.logic_or(rough, meets(h, before, self._determinants(t + h, new, end, *held)))
+        if self._along.numel_out(0):
+            start = self.algebraic(t, x, z, held)
+            before, behind = self._along(t, x, start, *held), self._along(t + h, new, end, *held)
+            rough = ca.logic_or(rough, meets(h, before, behind))
+            rough = ca.logic_or(rough, self._leads_elsewhere(t + h, new, start + h * before[2], end, held))
+            rough = ca.logic_or(rough, self._leads_elsewhere(t, x, end - h * behind[2], start, held))
         return new, end, rough
+
+    def _leads_elsewhere(self, t: Any, x: Any, ahead: Any, z: Any, held: Sequence[Any]) -> Any:
+        """1 if Newton's method leads from `ahead` to another solution than `z`, as beyond a kink where two meet."""
+        nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1]
+        found = self.algebraic(t, x, ahead, held)
+        return ca.logic_and(self._far(found, z, nominal), ca.logic_not(self.rough(t, x, found, held)))
 
     def algebraic(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
         """Algebraic variables at a point, by a fixed number of Newton steps from `z`."""
@@ -212,7 +221,7 @@ class Method:
         return ca.Function("newton", here, [here[2] - ca.solve(ca.jacobian(alg, here[2]), alg)])
 
     @cached_property
-    def _determinants(self) -> Any:
+    def _along(self) -> Any:
         return along_solution(self.rates)
 
     def _explicit(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:

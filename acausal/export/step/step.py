@@ -17,11 +17,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.diagnose.words import listed
 from acausal.errors import ExportError, UsageError
 from acausal.export.forms import STEP, check
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
-from acausal.export.start_point import start_point
+from acausal.export.start_point import StartPoint, start_point
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import IMPLICIT, METHODS, Method
 from acausal.export.step.source import StepFunction
@@ -29,6 +30,8 @@ from acausal.export.step.timely import at_end, inside, note, timely
 from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.equations.problem import Problem
+from acausal.simulate.record.kinked import meeting_relations
 
 # Unrolled factorisations grow with the cube of the number of unknowns.
 _MOST_UNKNOWNS = 60
@@ -138,7 +141,7 @@ class _Builder:
             u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
             p=parameter_ports(compiled),
             y=Ports([*output_ports(self.wanted, np.zeros(len(self.wanted))), *self.flags]),
-            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *self.notes),
+            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *self.notes, *_meeting(compiled, begin)),
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
@@ -201,3 +204,15 @@ class _Builder:
         """Modes just after an instant; those of variables are not looked at."""
         compiled = self.compiled
         return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))
+
+
+def _meeting(compiled: CompiledModel, begin: StartPoint) -> tuple[str, ...]:
+    """A note on events at which solutions of algebraic equations meet, judged at the start."""
+    problem = Problem(compiled, begin.p, begin.u)
+    found = meeting_relations(problem, begin.t, begin.x, begin.z, begin.m)
+    if not found:
+        return ()
+    return (
+        f"solutions of algebraic equations meet where {listed(found, 3)} changes: no flag says which of them a step "
+        "goes on with; state which is meant, by where(...) or another form of the equation",
+    )

@@ -80,13 +80,22 @@ def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, 
     return []
 
 
-def _meeting(problem: Problem, kinks: _Kinks, j: int, at: tuple[Any, ...]) -> tuple[int, ...]:
-    """Unknowns of a kink beside this point, if the determinant has another sign behind it; else none."""
+def meeting_relations(problem: Problem, t: float, x: Vector, z: Vector, m: Vector) -> tuple[str, ...]:
+    """Texts of the relations at whose change solutions meet, judged with the slopes at this point."""
+    compiled = problem.compiled
+    kinks = _kinks(compiled) if compiled.algebraic and compiled.state_events else None
+    at, own = (t, x, z, problem.u, problem.p, m), kinks.relations if kinks else ()
+    texts = compiled.events.texts
+    return tuple(texts[k] for j, k in enumerate(own) if kinks and _meeting(problem, kinks, j, at, np.inf))
+
+
+def _meeting(problem: Problem, kinks: _Kinks, j: int, at: tuple[Any, ...], near: float = _NEAR) -> tuple[int, ...]:
+    """Unknowns of a kink, if the determinant has another sign behind it; none if not, or farther away than `near`."""
     t, x, z, u, p, m = at
     nx, first = len(x), len(m) - len(problem.compiled.state_events.relations)
     normal = np.array(kinks.slopes(*at)[0])[j]
     size = float(np.linalg.norm(normal[nx:]))
-    if not size > 0.0 or abs(float(kinks.distances(*at)[j])) > _NEAR * size:
+    if not size > 0.0 or abs(float(kinks.distances(*at)[j])) > near * size:
         return ()
     sides: list[Vector] = []
     for truth in (0.0, 1.0):
