@@ -25,7 +25,7 @@ settings.load_profile("acausal")
 ROOT = Path(__file__).resolve().parents[1]
 
 # Where compiled code itself is on trial: there the slow part compiles as users do.
-OPTIMISED = ("tests/matrix/", "tests/simulate/test_native.py", "tests/simulate/test_native_columns.py")
+OPTIMISED = ("tests/simulate/test_native.py", "tests/simulate/test_native_columns.py")
 USERS_FLAGS = cache.FLAGS
 cache.FLAGS = ("-O0", *USERS_FLAGS[1:])
 

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import pytest
 from _pytest.mark import ParameterSet
+
+
+def seeds(default: str, parts: int = 1) -> list[range]:
+    """Seeds of a random search, "first:end", in so many parts; ACAUSAL_SEEDS=0:400 looks at that range instead.
+
+    The suite draws the same ones each time: a hundred models of a kind find a defect of 3 % of them, 19 times in 20.
+    What is rarer takes a wider search than each run of a suite can afford.
+    """
+    first, end = map(int, os.environ.get("ACAUSAL_SEEDS", default).split(":"))
+    ends = [first + (end - first) * k // parts for k in range(parts + 1)]
+    return [range(a, b) for a, b in pairwise(ends)]
 
 
 def slow_but(values: Iterable[Any], *quick: Any) -> list[ParameterSet]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,7 @@ class PeckDrilling(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
+@cache
 def by_hand(rate: float, stop: float) -> tuple[float, float]:
     """Depth of the ground at the end [m] and the largest thrust [N]: the plain law, in steps that see every contact."""
 

@@ -76,29 +76,24 @@ def test_no_problem_ends_farther_off_than_ten_tolerances(name: str, tolerance: f
 
 
 @pytest.mark.slow
-def test_a_tolerance_that_rounding_does_not_permit_is_named() -> None:
-    """A tolerance of 1e-6 takes as few steps as one expects; at 1e-8 the noise of the contact rules them."""
+def test_a_tolerance_that_rounding_does_not_permit_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    """A tolerance of 1e-6 takes as few steps as one expects; at 1e-8 the noise of the contact rules them.
+
+    That is told once, after a small part of the run.
+    """
+    told: list[tuple[float, int]] = []
+
+    def progress(done: float, t: float) -> None:
+        told.append((done, caplog.text.count("rounding errors")))
+
     compiled = acausal.compile(Preloaded())
     coarse = acausal.simulate(compiled, tolerance=1e-6, solver="rosenbrock", native=False)
-    fine = acausal.simulate(compiled, tolerance=1e-8, solver="rosenbrock", native=False)
+    fine = acausal.simulate(compiled, tolerance=1e-8, solver="rosenbrock", native=False, progress=progress)
     assert not coarse.stats["notes"]
     assert float(str(fine.stats["steps"])) > 10.0 * float(str(coarse.stats["steps"]))
     notes = str(fine.stats["notes"])
     assert "rounding errors" in notes
     assert "1e-07 can be attained" in notes
-
-
-@pytest.mark.slow
-def test_a_long_run_says_so_while_it_goes_on(caplog: pytest.LogCaptureFixture) -> None:
-    """Told once, after a small part of the run."""
-    told: list[tuple[float, int]] = []
-    acausal.simulate(
-        acausal.compile(Preloaded()),
-        tolerance=1e-8,
-        solver="rosenbrock",
-        native=False,
-        progress=lambda done, t: told.append((done, caplog.text.count("rounding errors"))),
-    )
     assert told[-1][1] == 1
     assert min(done for done, count in told if count) < 0.5
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from acausal.library.contact.collide.penetration import collision_function
-from tests.contact.poses import PAIR_CASES, PAIRS, SHAPES, Pose, Vector, contact, placed
+from tests.contact.poses import PAIR_CASES, SHAPES, Pose, Vector, contact, placed
+from tests.marks import slow_but
 
 STEP = 1e-5
 
@@ -59,18 +60,11 @@ def test_first_derivatives(a: str, b: str) -> None:
     assert found == pytest.approx(differences(values, arguments), abs=1e-6 * size**3)
 
 
-# Second derivatives compile for a second: two with rims here, the others are slow.
-SECOND = [("cone", "drill")]
+# Second derivatives compile for a second or two: each shape once, with a tip and a rim or with a ball.
+SECOND = [("cone", "drill"), ("box", "cone"), ("cylinder", "cone"), ("cone", "hull"), ("sphere", "capsule")]
 
 
-@pytest.mark.parametrize(
-    ("a", "b"),
-    [
-        pytest.param(*p, marks=() if p in SECOND else pytest.mark.slow)
-        for p in map(tuple, PAIRS)
-        if p[0] in ("sphere", "cone")
-    ],
-)
+@pytest.mark.parametrize(("a", "b"), slow_but(SECOND, SECOND[0]))
 def test_second_derivatives(a: str, b: str) -> None:
     """Of the depth, where also symmetry tells, and of the normal."""
     inputs, _, J = along_twist(a, b)

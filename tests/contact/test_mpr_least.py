@@ -56,14 +56,17 @@ def test_coincident_origins_have_the_depth_of_a_closed_form(a: Shape, b: Shape, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(8))
-def test_random_pairs(seed: int) -> None:
-    """20 000 poses in eight parts, of shapes with proportions of up to 1:50; half of them in places of symmetry."""
-    rng = np.random.default_rng(seed)
+@pytest.mark.parametrize("first", KINDS)
+@pytest.mark.parametrize("least", [0.02, 0.2])
+def test_random_pairs(first: str, least: float) -> None:
+    """5600 poses of each kind of pair, with proportions of up to 1:50; half of them in places of symmetry.
+
+    Making the function of a pair takes as long as its poses. Of 20 000 poses 15 were too deep once.
+    """
+    rng = np.random.default_rng(KINDS.index(first))
     found = []
-    for _ in range(25):
-        least = 0.02 if rng.random() < 0.4 else 0.2
-        a, b = (random_shape(str(kind), rng, least) for kind in rng.choice(KINDS, 2))
+    for second in KINDS[KINDS.index(first) :]:
+        a, b = (random_shape(kind, rng, least) for kind in rng.permutation([first, second]).tolist())
         for _ in range(100):
             place = str(rng.choice(PLACES))
             pose_b = random_pose(a, b, place, rng)

@@ -21,10 +21,9 @@ def test_a_box_on_the_ground_stays_for_100_s() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.slow), 0.8])
-def test_a_box_on_a_slope_creeps_as_its_law_says(share: float) -> None:
+def test_a_box_on_a_slope_creeps_as_its_law_says() -> None:
     """Regularised Coulomb friction holds q of what it can at v_s atanh(q): the closed form of the law."""
-    mu, v_s = 0.5, 1e-6
+    mu, v_s, share = 0.5, 1e-6, 0.8
     r = acausal.simulate(
         OnGround(friction=Coulomb(mu=mu, v_s=v_s)),
         stop_time=100.0,
@@ -53,14 +52,10 @@ def test_bristles_hold_without_creep() -> None:
     assert np.ptp(np.asarray(r.at([10.0, 20.0], "body.r_0[0]"))) < 1e-8
 
 
-@pytest.mark.parametrize(
-    "friction",
-    [Coulomb(mu=0.2, v_s=1e-4), pytest.param(LuGre(mu=0.2, mu_s=0.2, s_0=1e5, s_1=1e2), marks=pytest.mark.slow)],
-)
-def test_a_box_slides_as_far_as_friction_lets_it(friction: Coulomb) -> None:
+def test_a_box_slides_as_far_as_friction_lets_it() -> None:
     """From v_0 it stops after v_0 / (mu g), v_0**2 / (2 mu g) away; the start is at rest on its corners."""
     r = acausal.simulate(
-        OnGround(friction=friction),
+        OnGround(friction=Coulomb(mu=0.2, v_s=1e-4)),
         stop_time=0.7,
         tolerance=1e-7,
         solver="rosenbrock",
@@ -104,9 +99,8 @@ def test_stribeck_falls_from_the_static_to_the_sliding_coefficient() -> None:
 @pytest.mark.parametrize(
     ("law", "friction"),
     [
-        pytest.param(FIRM, Coulomb(mu=0.3), marks=pytest.mark.slow),
         (HuntCrossley(k=1e7, n=1.5, e=0.7, v_0=0.5), Stribeck(mu=0.2, mu_s=0.4)),
-        pytest.param(FIRM, LuGre(mu=0.3, mu_s=0.4, s_0=1e4), marks=pytest.mark.slow),
+        (FIRM, LuGre(mu=0.3, mu_s=0.4, s_0=1e4)),
     ],
 )
 def test_the_energy_of_a_tumbling_box_is_accounted_for(law: HuntCrossley, friction: Coulomb) -> None:

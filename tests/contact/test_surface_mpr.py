@@ -50,7 +50,7 @@ def test_a_ball_on_a_cylinder_moves_as_on_the_ground() -> None:
     assert method(Sphere(0.05), Cylinder(0.08, 0.1)) == "MPR"
     assert method(Sphere(0.05), HalfSpace()) == "closed form"
     drum, ground = (
-        acausal.simulate(BallOn(ground=shape, height=z), stop_time=0.1, tolerance=1e-8, solver="rosenbrock")
+        acausal.simulate(BallOn(ground=shape, height=z), stop_time=0.04, tolerance=1e-8, solver="rosenbrock")
         for shape, z in ((Cylinder(0.08, 2 * TOP), -TOP), (HalfSpace(), 0.0))
     )
     for name in ("body.r_0", "body.v_0", "body.w_a"):

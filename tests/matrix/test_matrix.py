@@ -9,16 +9,29 @@ from acausal import AcausalError
 from tests.matrix.features import FEATURES, Feature
 from tests.matrix.verbs import SOLVERS, VERBS
 
-# What compiles no C, steps no thousand times and runs no bench.
-SLOW = (*(f"{solver} native" for solver in SOLVERS), "accuracy", "bench", "rk fixed step", "rk2 fixed step")
+NATIVE = tuple(f"{solver} native" for solver in SOLVERS)
+
+# What compiles C, steps a thousand times or runs a bench.
+SLOW = (*NATIVE, "accuracy", "bench", "rk fixed step", "rk2 fixed step")
 
 # What runs a model several times is left to the slow part where once takes its time.
 SEVERAL = ("stability", "threads", "twice")
 
-# What runs a model once more, or reads its result otherwise, is the same from another start.
-AGAIN = ("twice", "fresh compile", "accuracy", "other interval", "other stop", "bench", "at", "pickled", "threads")
+# What runs a model once more or compiled, or reads its result otherwise, is the same from another start.
+AGAIN = (
+    *NATIVE,
+    "twice",
+    "fresh compile",
+    "accuracy",
+    "other interval",
+    "other stop",
+    "bench",
+    "at",
+    "pickled",
+    "threads",
+)
 
-# `accuracy` is a bench, which every feature has as a verb of its own, and then a run: some kinds of models show it.
+# `accuracy` is a bench and then a run, judged more sharply; the other features have the bench alone.
 BENCHED = ("smooth", "dae", "four-bar 0.25", "time event", "delay", "bouncing to rest", "inputs", "assertion broken")
 
 
@@ -27,7 +40,8 @@ def cells() -> list[ParameterSet]:
     found: list[ParameterSet] = []
     for feature in FEATURES:
         for verb in VERBS:
-            if (feature.other_start and verb in AGAIN) or (verb == "accuracy" and feature.name not in BENCHED):
+            known = verb == ("bench" if feature.name in BENCHED else "accuracy")
+            if known or (feature.other_start and verb in AGAIN):
                 continue
             costs = feature.cost > 2.0 or (feature.cost > 1.0 and verb in SEVERAL)
             marks = (pytest.mark.slow,) if verb in SLOW or costs else ()

@@ -148,7 +148,7 @@ def test_power_limit_of_the_spindle_lowers_its_torque_at_speed() -> None:
 
 @pytest.mark.slow
 def test_surge_at_breakthrough_with_and_without_a_feed_cap() -> None:
-    r = acausal.simulate(BreakthroughSurge(), output_interval=1e-4)
+    r = acausal.simulate(BreakthroughSurge())
 
     def exit_speed(name: str) -> float:
         s, v = r[f"{name}.drill.s"], r[f"{name}.slide.v"]

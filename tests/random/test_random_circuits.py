@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import acausal
+from tests.marks import seeds
 from tests.random.circuit_judge import ROWS, built, judged
 from tests.random.switched_circuits import Discard, exact, random_circuit
 
@@ -95,6 +96,7 @@ def test_events_of_tiny_resistances_are_listed_once() -> None:
 
 # Pieces of seeds, each with all solvers: the exact solution and the compiled circuit are made once for all of them.
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 520, 65))
-def test_250_circuits(first: int) -> None:
-    assert not failures(range(first, first + 65), "idas", "rosenbrock")  # "auto" is one of them
+@pytest.mark.parametrize("part", seeds("0:210", 3), ids=str)
+def test_100_circuits(part: range) -> None:
+    """About half of them are drawn again as their exact solution is not sure."""
+    assert not failures(part, "idas", "rosenbrock")  # "auto" is one of them

@@ -15,6 +15,7 @@ import pytest
 import acausal
 from acausal.errors import AcausalError
 from acausal.lower.compiled import CompiledModel
+from tests.marks import seeds
 
 PARAMETERS = ("p0", "p1", "p2", "p3")
 STEP = 3e-5
@@ -63,11 +64,10 @@ def source(seed: int) -> tuple[str, list[str]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", [0, 10])
-def test_derivatives_are_those_of_differences(first: int) -> None:
+def test_derivatives_are_those_of_differences() -> None:
     """Where differences of two steps agree: those do not where an event passes another between them."""
     judged = 0
-    for seed in range(first, first + 10):
+    for seed in seeds("0:12")[0]:
         text, names = source(seed)
         space: dict[str, Any] = {}
         exec(compile(text, "<random model>", "exec"), space)

@@ -2,12 +2,11 @@
 
 The law: what is found holds every `fixed`; it is that point where the starts given determine it; and permuting
 declarations changes nothing, however few are given. Where one order has constraints that are stabilised and the other
-has not, they may differ (docs/known-gaps.md). ACAUSAL_SEEDS=0:400 looks at that range.
+has not, they may differ (docs/known-gaps.md).
 """
 
 from __future__ import annotations
 
-import os
 import random
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -20,11 +19,10 @@ import acausal
 from acausal import Component, fixed, guess
 from acausal.errors import AcausalError
 from acausal.lower.compiled import CompiledModel
-from tests.marks import slow_but
+from tests.marks import seeds, slow_but
 from tests.random.start_models import SIGNALS, circuit, pendulum, pendulum_point, random_circuit
 
 Vector = NDArray[np.float64]
-SEEDS = range(*map(int, os.environ.get("ACAUSAL_SEEDS", "0:60").split(":")))
 
 
 def started(model: Component | CompiledModel, names: Sequence[str], **start: float) -> Vector:
@@ -133,4 +131,4 @@ def test_guesses_that_cannot_be_kept_are_met_best(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [wrong_circuit, wrong_pendulum], ids=["circuits", "pendulums"])
 def test_random_starts(kind: Callable[[int], list[str]]) -> None:
-    assert not [text for seed in SEEDS for text in kind(seed)]
+    assert not [text for seed in seeds("0:36")[0] for text in kind(seed)]

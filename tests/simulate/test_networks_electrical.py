@@ -170,7 +170,7 @@ def test_circuits(plan: Plan) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=800)
+@settings(max_examples=300)
 @given(plans(most=14))
 def test_many_circuits(plan: Plan) -> None:
     compare(plan)

@@ -14,7 +14,6 @@ import acausal
 from acausal import Component, Equations, Real, connect, fixed, parameter, part
 from acausal.library.blocks import Sine
 from acausal.library.translational import Damper, ElastoGap, Fixed, Force, Mass, Rod, Spring
-from tests.marks import slow_but
 
 M, SPRING, CONTACT = 0.15, 2e3, 1e6
 Times = NDArray[np.float64]
@@ -134,7 +133,7 @@ def preload(times: tuple[float, ...]) -> Times:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("solver", slow_but(["idas", "cvodes", "rosenbrock"], "idas"))
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
 def test_preload_of_msl(solver: str) -> None:
     """Its published numbers, and its own stop time and output interval among others: neither changes what is found."""
     compiled = acausal.compile(PreLoad())
