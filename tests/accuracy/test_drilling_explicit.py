@@ -53,8 +53,8 @@ def test_the_compiler_solves_the_contact_equation(chisel: bool) -> None:
     assert worst < 1e-9
 
 
-@pytest.mark.parametrize("D", slow_but([6.0, 8.0, 12.0, 16.0, 20.0], 8.0, 16.0))
-@pytest.mark.parametrize("f", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("D", slow_but([6.0, 20.0], 6.0))
+@pytest.mark.parametrize("f", [0.1, 0.3])
 def test_thrust_and_motor_torque_against_a_tool_catalogue(D: float, f: float) -> None:
     # Tungaloy General Catalogue 2020-2021, p. L068: thrust 570 K D f**0.85 N, torque K D**2 (0.63 + 16.84 f)/100 N.m,
     # D in mm, f in mm per revolution; K is 2.10 for SCM430 and 2.41 for SCM440, and 34CrMo4 lies between them.

@@ -64,27 +64,6 @@ def test_a_branch_acts_alone_while_an_earlier_condition_holds_already(solver: st
     assert r.final("n") == 61111
 
 
-class Thermostat(Component):
-    """Exponential cooling and heating between 19 and 21, written as one chain that resets a boolean."""
-
-    T: Real = variable(default=fixed(20.0))
-    heating: Real = boolean(default=True)
-
-    def equations(self) -> Equations:
-        yield der(self.T) == -(self.T - 10.0) / 5.0 + acausal.where(self.heating, 4.0, 0.0)
-        yield when(self.T > 21.0, reset(self.heating, False)).elsewhen(self.T < 19.0, reset(self.heating, True))
-
-
-@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
-def test_a_thermostat_switches_when_the_closed_form_says(solver: str) -> None:
-    """Towards 30 and towards 10 with a time constant of 5: 5 ln(10/9), then 5 ln(11/9) both ways, for ever."""
-    from math import log
-
-    r = acausal.simulate(Thermostat(), stop_time=5.0, tolerance=1e-9, solver=solver)
-    first, way = 5 * log(10 / 9), 5 * log(11 / 9)
-    assert [e.time for e in r.events] == pytest.approx([first + k * way for k in range(5)], abs=1e-7)
-
-
 class Ending(Component):
     """A branch that ends the run, and one before it that takes its instant away."""
 

@@ -175,13 +175,6 @@ def test_bounces_do_not_depend_on_the_outputs(points: int) -> None:
     assert [event.time for event in r.events] == pytest.approx([t for t in expected if t < stop], abs=1e-9)
 
 
-def test_a_ball_comes_to_rest_in_compiled_code_too() -> None:
-    # bounces end at sqrt(2/g)*(1 + e)/(1 - e)
-    r = acausal.simulate(BouncingBall(), stop_time=6.0, tolerance=1e-8, native=True)
-    assert "at rest" in str(r.stats["notes"])
-    assert r.final("h") == pytest.approx(0.0, abs=1e-9)
-
-
 def test_the_end_that_a_model_asks_for() -> None:
     r = acausal.simulate(Ending(), stop_time=1.0, solver="rosenbrock", native=True)
     assert r.stats["terminated"] == "enough"

@@ -29,7 +29,6 @@ from acausal import (
 from acausal.errors import IntegrationError, StructureError
 from acausal.lower.build import Symbols
 from acausal.simulate.events.regime import Hold, active_set
-from tests.marks import slow_but
 
 G = 9.81
 
@@ -95,41 +94,6 @@ def test_a_sample_acts_at_its_instants_from_the_first_on() -> None:
     r = acausal.simulate(SampledDecay(), stop_time=1.0, tolerance=1e-8, solver="rosenbrock")
     assert r.final("x") == pytest.approx(0.9**10, rel=1e-10)
     assert r.at(0.45, "u") == pytest.approx(-(0.9**4), rel=1e-10)
-
-
-class Bang(Component):
-    """x'' = -sign(x) with its switches counted; period 4 sqrt(2) from (1, 0)."""
-
-    x: Real = variable(default=fixed(1.0))
-    v: Real = variable(default=fixed(0.0))
-    n: Real = discrete()
-
-    def equations(self) -> Equations:
-        yield der(self.x) == self.v
-        yield der(self.v) == where(self.x > 0, -1.0, 1.0)
-        yield when(self.x > 0, reset(self.n, self.n + 1))
-
-
-def test_bang_bang_is_exact_after_ten_periods() -> None:
-    """The scene `bang-bang`: (1, 0) again after 10 periods of 4 sqrt(2)."""
-    r = acausal.simulate(Bang(), stop_time=40 * math.sqrt(2), tolerance=1e-8, solver="rosenbrock")
-    assert r.final("x") == pytest.approx(1.0, abs=1e-10)
-    assert r.final("v") == pytest.approx(0.0, abs=1e-10)
-    assert r.final("n") == 10
-
-
-@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
-@pytest.mark.parametrize("stop", slow_but([5.0, 1000.0], 1000.0))
-def test_a_ball_comes_to_rest(solver: str, stop: float) -> None:
-    """The scene `zeno`: rest from sqrt(2 / g) (1 + e) / (1 - e) = 4.0637 s on, h = 0 within 1e-9, under 200 events."""
-    r = acausal.simulate(Ball(), stop_time=stop, tolerance=1e-8, solver=solver)
-    limit = math.sqrt(2 / G) * 1.8 / 0.2
-    assert r.final("h") == pytest.approx(0.0, abs=1e-9)
-    assert r.final("v") == 0.0
-    assert r["h"].min() >= -1e-9
-    assert len(r.events) < 200
-    assert r.events[-1].time == pytest.approx(limit, abs=1e-3)
-    assert "at rest" in str(r.stats["notes"])
 
 
 class Lift(Component):

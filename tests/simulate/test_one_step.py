@@ -6,20 +6,13 @@ Closed forms throughout; the published end values are those of `acausal/models/i
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
 import acausal
 from acausal import Component, Equations, Real, cos, der, fixed, parameter, sin, time, variable, where
-from acausal.models.clutches import ClutchChain
-from acausal.models.drilling_one_axis import OneAxisDrilling
 from acausal.models.ivp.answers import PROBLEMS
-from acausal.models.rectifier import BridgeRectifier
-from acausal.models.stability.contact import KelvinVoigtImpact
-from acausal.models.stability.drilling import WindUp
-from acausal.models.stability.switching import BangBang, FrictionStop
 from acausal.simulate.native import cache
 
 METHODS = [
@@ -150,36 +143,3 @@ def test_published_end_values_hold_in_a_row_in_mid_run(name: str, share: float) 
     row = int(np.argmin(np.abs(r.time - stop)))
     assert r.time[row] == pytest.approx(stop, rel=1e-12)
     assert problem.digits_reached(lambda path: r[path][row]) >= 7.0
-
-
-SCENES = [
-    BangBang,
-    FrictionStop,
-    KelvinVoigtImpact,
-    WindUp,
-    *(pytest.param(m, marks=pytest.mark.slow) for m in (BridgeRectifier, ClutchChain, OneAxisDrilling)),
-]
-
-
-@pytest.mark.parametrize("solver", ["rosenbrock", pytest.param("erk", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("scene", SCENES)
-def test_neither_outputs_nor_the_stop_time_move_events_or_rows(scene: Any, solver: str) -> None:
-    """Three runs of each scene agree where they overlap, with fifty rows, ten rows, and ten that go on behind."""
-    if scene is OneAxisDrilling and solver == "erk":
-        pytest.skip("a stiff contact, not one for an explicit method")
-    compiled, stop = acausal.compile(scene()), scene.experiment.stop_time
-    options: dict[str, Any] = {"solver": solver, "native": False, "tolerance": 1e-8}
-    first, *others = (
-        acausal.simulate(compiled, stop_time=end, output_interval=interval, **options)
-        for end, interval in ((stop, stop / 50), (stop, stop / 10), (1.26 * stop, stop / 10))
-    )
-    times = [e.time for e in first.events if e.time < 0.999 * stop]
-    for other in others:
-        assert [e.time for e in other.events if e.time < 0.999 * stop] == pytest.approx(times, abs=1e-8 * stop)
-        for t in np.linspace(0.1, 0.9, 9) * stop:
-            if times and np.min(np.abs(np.array(times) - t)) < 1e-3 * stop:
-                continue
-            here, there = (int(np.argmin(np.abs(r.time - t))) for r in (first, other))
-            for name in compiled.states:
-                scale = float(np.max(np.abs(first[name]))) + 1e-9
-                assert abs(first[name][here] - other[name][there]) <= 1e-7 * scale, name

@@ -190,24 +190,6 @@ def test_periodic_bursts_and_closest_approaches(kind: str, solver: str) -> None:
     assert r.final("y") == pytest.approx(expected, rel={"oscillator": 1e-2, "peak": 5e-2}.get(kind, 1e-4))
 
 
-class Often(Component):
-    """y' = sin(200 t)**200: 40 pulses in 0.63 s."""
-
-    y: Real = variable(default=fixed(0.0))
-    x: Real = variable(default=fixed(0.0))
-
-    def equations(self) -> Equations:
-        yield der(self.x) == 200.0
-        yield der(self.y) == sin(self.x) ** 200
-
-
-def test_many_bursts() -> None:
-    """Wallis' integral, 20 turns."""
-    r = acausal.simulate(Often(), stop_time=0.1 * TURN, solver="idas", tolerance=1e-6)
-    wallis = 0.2 * math.exp(math.lgamma(100.5) - math.lgamma(101.0)) * math.sqrt(math.pi)
-    assert r.final("y") == pytest.approx(wallis, rel=1e-3)
-
-
 # A step of height one at zero, for expressions and for numbers.
 STEPS: dict[str, tuple[Callable[[Any], Expr], Callable[[Any], Any]]] = {
     "tanh": (lambda u: 0.5 * (1.0 + tanh(u)), lambda u: 0.5 * (1.0 + np.tanh(u))),
