@@ -7,11 +7,14 @@ from acausal import (
     Real,
     assert_,
     connect,
+    der,
+    dot,
     initial,
     maximum,
     no_event,
     parameter,
     part,
+    quantity,
     signal_output,
     structural,
     where,
@@ -24,10 +27,12 @@ from acausal.library.drilling.interfaces import PartialDrillingForce
 class DrillingForce(PartialDrillingForce):
     """Compliant drilling force between a drill and a plate that both move freely under their forces.
 
-    DrillGeometry -> DrillDepthCalculation -> DrillContactForce, as Figure 3 of the founding paper.
+    DrillGeometry -> DrillDepthCalculation -> DrillContactForce, as Figure 3 of the founding paper. It has one hole,
+    wherever the drill enters (AC194).
     """
 
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
+    wanders: bool = structural(default=False, doc="Whether a scene makes other forces for other holes")
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     s_start: Real = parameter(default=0.0, unit="m", min=0.0, doc="Depth of the hole at the start")
@@ -84,6 +89,22 @@ class DrillingForce(PartialDrillingForce):
             ~initial() | no_event(outside),
             f"the drill starts inside of {self.level.name}: move it back, or give it a hole with s_start",
         )
+        if not self.wanders:
+            yield from self._keeps_to_its_hole()
+
+    def _keeps_to_its_hole(self) -> Equations:
+        geometry = self.geometry
+        aside = der(geometry.tip) - geometry.axis * self.v_axial
+        free = no_event((self.s < 0) & (self.s_tar > self.s_start + self.d / 100))
+        # At the way aside and not at the next hole: that would take states for the place of the first. One relation,
+        # so that nothing is left of it where a drill cannot go aside.
+        yield assert_(
+            where(free, dot(aside, aside), quantity(0.0, "m2/s2")) < _ASIDE**2,
+            f"AC194: the drill is moved sideways above its hole in {self.level.name}, and this force has one hole "
+            "only, wherever the drill enters: elsewhere there is no force down to the ground of the first; a DrillBody "
+            "of a ContactScene makes new holes",
+            level="warning",
+        )
 
     def powers(self) -> Equations:
         """Distribution of the power thrust * v_axial + braking * omega supplied through the two frames.
@@ -100,3 +121,7 @@ class DrillingForce(PartialDrillingForce):
         # the depth of a tilted tip also changes when it slides along the face
         along = self.thrust * (v_ground + self.v_axial - geometry.v)
         yield self.power_cutting == along + force.braking() * geometry.omega
+
+
+_ASIDE = quantity(5e-3, "m/s")
+"""Velocity across the axis from which on a drill is moved to another place; below, it may swing on a soft machine."""

@@ -118,6 +118,7 @@ class DrillBody(ContactBody):
             length=self.tip,
             k=self.k,
             d_c=self.d_c,
+            wanders=self.wanders,
             **dict(self.settings),  # type: ignore[arg-type]
         )
 

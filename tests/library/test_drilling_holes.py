@@ -7,10 +7,15 @@ import math
 import numpy as np
 import pytest
 
+import acausal
+from acausal import Component, Equations, connect, fixed, part
+from acausal.library.blocks import TimeTable
 from acausal.library.contact import Box, Sphere
 from acausal.library.contact.scene.bodies import PoseValue, Trace
-from acausal.library.drilling import TWIST_DRILL_16MM, DrillBody, WorkpieceBody
-from acausal.library.multibody import axis_rotation
+from acausal.library.drilling import TWIST_DRILL_16MM, DrillBody, DrillingForce, WorkpieceBody
+from acausal.library.multibody import Prismatic, Revolute, World, axis_rotation
+from acausal.library.rotational import Speed
+from acausal.library.translational import Position
 
 DOWN, UP = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 CONE = TWIST_DRILL_16MM.d / 2 / math.tan(TWIST_DRILL_16MM.sigma / 2)
@@ -95,3 +100,49 @@ def test_pose_of_the_shape_counts() -> None:
     block = WorkpieceBody(name="block", shape=Box((0.1, 0.1, 0.05)), pose=((0.0, 0.0, 0.025), turn), at_rest=True)
     holes, _ = DrillBody(name="drill").site(block, moved(0.01, -0.005), STILL, [], 0, True)
     assert holes[0] == pytest.approx(np.array([[0.01, 0.0, 0.025], UP]), abs=1e-9)
+
+
+class Gantry(Component):
+    """A drill that comes from the side, drills 3 mm deep, and goes 30 mm aside to do it again, without a scene."""
+
+    world: World = part()
+    beam: Prismatic = part()
+    slide: Prismatic = part()
+    spindle: Revolute = part()
+    drill: DrillingForce = part()
+    across: TimeTable = part()
+    down: TimeTable = part()
+    beam_drive: Position = part()
+    feed_drive: Position = part()
+    speed: Speed = part()
+
+    def build(self) -> None:
+        self.world = World(g=0.0)
+        self.beam, self.slide = Prismatic(n=(1.0, 0.0, 0.0)), Prismatic(n=DOWN)
+        self.spindle = Revolute(n=DOWN, phi=fixed(0.0))
+        self.drill = DrillingForce(t=0.05, k=1e8, d_c=2e4)
+        self.across = TimeTable(table=((0.0, -0.02), (1.0, 0.0), (4.0, 0.0), (5.0, 0.03), (7.0, 0.03)))
+        self.down = TimeTable(table=((0.0, -1e-3), (1.0, -1e-3), (3.0, 3e-3), (4.0, -1e-3), (5.0, -1e-3), (7.0, 3e-3)))
+        self.beam_drive, self.feed_drive = Position(), Position()
+        self.speed = Speed(w_ref=2 * math.pi * 9.28)
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.beam.frame_a, self.drill.frame_w)
+        yield connect(self.beam.frame_b, self.slide.frame_a)
+        yield connect(self.slide.frame_b, self.spindle.frame_a)
+        yield connect(self.spindle.frame_b, self.drill.frame_a)
+        yield connect(self.across.y, self.beam_drive.s_ref)
+        yield connect(self.down.y, self.feed_drive.s_ref)
+        yield connect(self.beam_drive.flange, self.beam.axis)
+        yield connect(self.feed_drive.flange, self.slide.axis)
+        yield connect(self.speed.flange, self.spindle.axis)
+
+
+def test_a_force_that_has_one_hole_tells_where_it_is_moved_to_another_place() -> None:
+    """Once, at 4 s, and not on the way to the first hole: the second is met without force, the first is as deep."""
+    r = acausal.simulate(Gantry(), stop_time=7.0)
+    assert r.at(3.0, "drill.thrust") > 3000.0
+    assert r.at(6.9, "drill.thrust") == 0.0
+    notes: tuple[str, ...] = r.stats["notes"]  # type: ignore[assignment]
+    (told,) = [n for n in notes if "AC194" in n]
+    assert told.startswith("t = 4 s: drill: AC194")
