@@ -128,12 +128,12 @@ class ParameterTable:
         if number is None:
             raise foreign(symbol)
         if symbol.declaration.kind is not Kind.PARAMETER:
-            path = user.rpartition(" ")[2].rpartition(".")[0]
+            path, _, name = user.rpartition(" ")[2].rpartition(".")
             bound = next((i for i in self.instances if i.path == path), self.instances[number])
             raise DeclarationError(
                 "AC135",
                 f"{user} is bound to {self.instances[number].prefix}{symbol.name}, which varies in time",
-                where=(bound.origin.span(),),
+                where=(bound.origin_of_value(name).span(),),
                 help="bind parameters to parameters; give signals by connect or to a signal_input",
             )
         return self.nodes(self.instances[number], symbol.name)

@@ -19,6 +19,7 @@ from acausal import (
     der,
     fixed,
     guess,
+    parameter,
     part,
     structural,
     time,
@@ -183,6 +184,36 @@ class OneOfThousands(Component):
 
     def equations(self) -> Equations:
         yield self.lookup.u == time
+
+
+@slip("AC160", "OwnTable: this is no table: row 2 of 2, (0, 2), does not lie beyond", "blocks.table(")
+class OwnTable(Component):
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == 0.0 + blocks.table([(0, 1), (0, 2)], time)
+
+
+class Bound(Component):
+    """Begins at 1."""
+
+    x: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+
+
+@slip("AC135", "k is bound to x, which varies in time", "k: Real = ")
+class BoundToState(Bound):
+    k: Real = parameter(default=lambda self: self.x)
+
+
+@slip("AC135", "the start of y is bound to x, which varies in time", "y: Real = ")
+class StartsAtState(Bound):
+    y: Real = variable(default=lambda self: fixed(self.x))
+
+    def equations(self) -> Equations:
+        yield der(self.y) == self.x
 
 
 @slip(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dis
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from functools import cache
+from traceback import walk_tb
 from types import CodeType
 from typing import Any
 
@@ -92,7 +93,8 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
 def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: Ledger) -> Iterator[Statement]:
     """The items of a generator with their places; statements that it makes without yielding them stay in the ledger.
 
-    Adds the component to errors of library functions, which do not know it.
+    Adds the component to errors of library functions, which do not know it. Their place is the line of the modeller's
+    that calls them, or, where the library's own equations do, where the component was made.
     """
     while True:
         token = RECORDING.set(ledger)
@@ -103,7 +105,8 @@ def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: 
         except DeclarationError as error:
             path = component._path_to("")[:-1]
             if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
-                error.where = (component.__dict__["_origin"].span(),)
+                calls = [Span(f.f_code.co_filename, line) for f, line in walk_tb(error.__traceback__)][1:]
+                error.where = tuple(s for s in calls if not s.of_library)[-1:] or (component.__dict__["_origin"].span(),)
             raise
         finally:
             RECORDING.reset(token)
