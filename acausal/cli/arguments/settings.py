@@ -84,13 +84,13 @@ def values_of(flag: str, given: Sequence[str] | None) -> dict[str, str]:
 
 
 def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
-    """The number in `value`, in the declared unit where there is one; errors show `flag` and `text`."""
-    if declared is not None and declared.unit:
-        return float(as_usage(f"{flag} {text}", convert, value, declared.unit))
+    """The number in `value`, in the declared unit, which is 1 where none is stated; errors show `flag` and `text`."""
+    if declared is not None:
+        return float(as_usage(f"{flag} {text}", convert, value, declared.unit or "1"))
     try:
         return float(value)
     except ValueError as error:
-        fact = "no number" if declared is not None else "no number, and the model declares no unit for this name"
+        fact = "no number, and the model declares no unit for this name"
         raise UsageError("AC009", f"{flag} {text}: {fact}") from error
 
 
