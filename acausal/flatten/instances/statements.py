@@ -106,7 +106,8 @@ def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: 
             path = component._path_to("")[:-1]
             if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
                 calls = [Span(f.f_code.co_filename, line) for f, line in walk_tb(error.__traceback__)][1:]
-                error.where = tuple(s for s in calls if not s.of_library)[-1:] or (component.__dict__["_origin"].span(),)
+                own = tuple(s for s in calls if not s.of_library)[-1:]
+                error.where = own or (component.__dict__["_origin"].span(),)
             raise
         finally:
             RECORDING.reset(token)
