@@ -17,7 +17,7 @@ class Dop853:
     algebraic = False
     fixed_step = False
     multistep = False
-    stops = False
+    explicit = True
     native = "nothing"
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:

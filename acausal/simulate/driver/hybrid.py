@@ -109,7 +109,7 @@ class Hybrid:
         self.bounces = Bounces(self.problem, self.guards, self.span)
         self.lingering = Lingering()
         self.search = Search(self.guards, self.solver, self.explore, self.span)
-        self.single_step = self.solver.stops and not self.problem.compiled.algebraic
+        self.single_step = self.solver.native == "integrator" and not self.problem.compiled.algebraic
         # without states there is no error to choose a step by
         self.single_step &= self.problem.n_dynamic > 0
         # what is delayed is recorded by integrations that go on to their end

@@ -26,7 +26,6 @@ class Solver(Protocol):
     algebraic: bool
     fixed_step: bool
     multistep: bool
-    stops: bool
     explicit: bool
     native: str
 

@@ -7,8 +7,8 @@ A solver is a class with
 3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C; `impatient`: whether it takes
    what is nearer than a nanosecond as reached; `multistep`: whether it starts anew with tiny steps; `interpolates`:
    whether it has to be stopped at its outputs, as what it tells between its steps is less accurate than they are;
-   `stops`: whether it stops at a zero crossing by itself; `careless`: whether it does not notice equations without a
-   finite value; `explicit`: whether it needs no slopes of the rates;
+   `careless`: whether it does not notice equations without a finite value; `explicit`: whether it needs no slopes of
+   the rates;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
 
@@ -68,7 +68,6 @@ class CasadiSolver:
     impatient: ClassVar[bool] = False
     multistep: ClassVar[bool] = False
     interpolates: ClassVar[bool] = False
-    stops: ClassVar[bool] = False
     careless: ClassVar[bool] = False
     explicit: ClassVar[bool] = False
     native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"

@@ -17,7 +17,6 @@ class Erk(CasadiSolver):
     native = "integrator"
     explicit = True
     interpolates = True
-    stops = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {

@@ -46,6 +46,7 @@ class Rk(CasadiSolver):
     name = "rk"
     plugin = "rk"
     fixed_step = True
+    explicit = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {"number_of_finite_elements": elements(segment, self.name)}
@@ -78,7 +79,7 @@ class Rk2:
     algebraic = False
     fixed_step = True
     multistep = False
-    stops = False
+    explicit = True
     native = "nothing"
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:

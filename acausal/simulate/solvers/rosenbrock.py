@@ -23,7 +23,6 @@ class Rosenbrock(CasadiSolver):
     algebraic = True
     native = "integrator"
     interpolates = True
-    stops = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         is_loop = problem.compiled.solution.structure.invariants and may_lose_pivots(problem.compiled)

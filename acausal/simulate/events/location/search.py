@@ -27,7 +27,7 @@ from acausal.simulate.events.location import mesh as meshing
 from acausal.simulate.events.location.between import LeftGuards, between, lowest, root
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import islands, on_equations
+from acausal.simulate.solvers.base import islands, on_equations, pace
 from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 
 Integrate = Callable[[Regime, Segment], Piece]
@@ -164,6 +164,7 @@ class Search:
             if not count:
                 self._failed(way, marks, piece.stopped)
                 continue
+            self._relax(here, float(asked.times[count - 1]), piece)
             rows = self._looked(asked, count, marks)
             seen = self._seen(way, asked, piece, rows)
             found = self._suspicion(way, seen, piece, rows)
@@ -192,6 +193,12 @@ class Search:
                 self._rest(way, way.segment.start, way.segment.x, way.segment.z)
             if way.segment.start >= end:
                 return Arrival(None, self._whole(way, end, way.segment.x), way.segment.z)
+
+    def _relax(self, start: float, end: float, piece: Piece) -> None:
+        """Note over which step errors have relaxed, by this piece and those before; explicit steps relax nothing."""
+        if not self.solver.explicit:
+            took = pace(start, end, piece.counters)
+            self.guards.step = min(self.pace, took) if self.pace and took else self.pace or took
 
     def _begun(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> _Way:
         segment = replace(segment, partial=True)
@@ -416,7 +423,6 @@ class Search:
             own = float(gaps[min(ramp, len(gaps) - 1)])
             self.openings[way.relations] = own if times[-1] >= end else _WIDER * own
         self.pace = (times[-1] - times[0]) / steps if steps else 0.0
-        self.guards.step = self.pace
 
     def _accept(self, way: _Way, asked: Segment, piece: Piece, seen: _Seen, keep: int) -> None:
         """Go on from the last of so many rows."""
