@@ -112,6 +112,14 @@ class FunctionCache:
         return np.array([nodes[n][0] in ("le", "ge") for n in self.compiled.state_events.relations], dtype=bool)
 
     @cached_property
+    def opening(self) -> Vector:
+        """1 for each condition of a clause that asks for `initial()`, else 0."""
+        pool = self.compiled.solution.structure.reduced.pool
+        conditions = self.compiled.state_events.conditions
+        asking = [any(pool.nodes[n][0] == "initial" for n in pool.reachable([c])) for c in conditions]
+        return np.array(asking, dtype=float)
+
+    @cached_property
     def time_tables(self) -> tuple[TimeTable, ...]:
         """Long tables read at a time, on which something integrated or an event depends."""
         solution = self.compiled.solution

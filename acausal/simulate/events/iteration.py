@@ -118,9 +118,7 @@ class Iteration:
         self.flags = slice(first_flag, first_flag + len(self.events.flags))
         nodes = compiled.solution.structure.reduced.pool.nodes
         self.flag_names = [nodes[n][0] for n in self.events.flags]
-        pool = compiled.solution.structure.reduced.pool
-        asking = [any(nodes[n][0] == "initial" for n in pool.reachable([c])) for c in self.events.conditions]
-        self.opening = np.array(asking, dtype=float)
+        self.opening = functions_of(compiled).opening
         self.assigned = np.array([a.position for a in self.events.assignments], dtype=int)
 
     def settle(

@@ -30,6 +30,8 @@ class _Memory(threading.local):
     def __init__(self, function: Any) -> None:
         self.buffer, self.run = function.buffer()
         self.inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
+        # to copy nothing takes as long as to copy something, and most models have no inputs
+        self.filled = [(k, a) for k, a in enumerate(self.inputs) if a.size]
         self.outputs: list[Any] = [np.zeros(function.size_out(k), order="F") for k in range(function.n_out())]
         self.shown = [a[:, 0] if a.shape[1] == 1 else a for a in self.outputs]
         self.blocks: dict[tuple[int, tuple[int, ...]], _Block] = {}
@@ -84,8 +86,10 @@ class BufferedFunction:
 
     def __call__(self, *arguments: Any) -> list[Vector]:
         memory = self._memory
-        for place, value in zip(memory.inputs, arguments, strict=True):
-            place[:] = value
+        if len(arguments) != len(memory.inputs):
+            raise TypeError(f"{self.function.name()} has {len(memory.inputs)} arguments, not {len(arguments)}")
+        for k, place in memory.filled:
+            place[:] = arguments[k]
         memory.run()
         if memory.buffer.ret():  # a singular system inside: the outputs are those of another call
             return [np.full(a.shape, np.nan) for a in memory.shown]
