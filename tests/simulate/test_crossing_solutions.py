@@ -188,3 +188,16 @@ def test_exported_functions_hold_the_determinants() -> None:
     assert signs[0] == signs[1] == -signs[2] == -signs[3] != 0.0
     sizes = [float(model.determinants([x, 0.0], [x], [], [])[1]) for x in (-1.0, -1e-3)]
     assert sizes[0] - sizes[1] == pytest.approx(log(1e3))
+
+
+@pytest.mark.parametrize("equation", ["product", "squares", "event"])
+def test_a_run_that_begins_where_solutions_meet_says_so(equation: str) -> None:
+    """Which of them it took was decided by the guesses, as far as they were within a Newton step of it, in silence."""
+    begun = Crossing(equation=equation, x=fixed(0.0), y=guess(-0.5), z=guess(-0.5))
+    assert noted(acausal.simulate(begun, stop_time=1.0, solver="idas"))
+
+
+def test_a_run_that_begins_where_the_only_solution_is_steep_is_not_noted() -> None:
+    """y |y| + y / 1000 == x at x = 0."""
+    begun = Crossing(equation="turbulent", x=fixed(0.0), y=guess(0.0), z=guess(0.0))
+    assert not noted(acausal.simulate(begun, stop_time=1.0, solver="idas"))

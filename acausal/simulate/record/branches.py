@@ -45,15 +45,16 @@ _ENTRIES = 1_000_000  # of slopes that are in memory at once
 _LARGEST = 300  # unknowns of a block whose directions without slope are looked for
 _DIP = 0.4  # what is left of a determinant beside a zero, by its values two rows before and behind
 _POINTS = 37, 289  # at which the solution is followed beside a zero: what is found has to stay at the second
+_BEGINS = 1e-5  # what is left of it where a stretch begins at a zero, by its value two rows behind
 _SINGULAR = 0.2  # what is left there, by the ends: a pole goes the other way
 _POLE = 5.0  # the same where it jumps at a kink
 _ZERO = 1e-8  # what is left of a determinant that touches zero
-_CURVED = 0.05  # change of the determinant with the unknowns at its zero, by its values at the ends
 _TURNED = 0.2  # distance from the solution straight on, by what is passed meanwhile
 _CALL = 300  # operations that take as long as a call
 _ZOOMS = 4  # times that the distance of the points beside a touched zero becomes smaller
 _MOST = 12  # places of a run that are followed
-_MOVE = 0.1  # of the unknowns, by their size, over which this change is taken
+_MOVE = 1.0  # of the unknowns, by their size, up to which the sign of a determinant is looked at beside a solution
+_ASIDE = np.geomspace(1e-5, 1.0, 16)  # the places there, by this
 _KINKS = frozenset(("fabs", "min", "max", "noevent"))
 _SAME = 1e-9  # change of a variable, by its size, that is none at one instant
 _FAINT = 1e-9  # change of an unknown, by its nominal magnitude, that is none
@@ -209,6 +210,9 @@ def _meeting(
     flips, dips = _turning(joined, all_signs, all_sizes)
     for number, block in enumerate(blocks.blocks if is_fixed and _KINKS & compiled.operations else ()):
         dips[number] |= _turns(joined, at[0], at[2][block.columns])
+    for number, k in np.argwhere(_beginning(joined, all_sizes)).tolist():
+        place = _place(problem, blocks, number, at, [k, k], tuple(a[..., k + 2 : k + 3] for a in at))
+        found += [] if place is None else [place]
     for number in np.flatnonzero(flips.any(axis=1) | dips.any(axis=1)).tolist():
         signs, sizes, low = all_signs[number], all_sizes[number], np.flatnonzero(dips[number])
         for first, last in _windows(joined, np.flatnonzero(flips[number]), low[np.argsort(sizes[low])]):
@@ -252,6 +256,12 @@ def _turning(joined: NDArray[np.bool_], signs: Vector, sizes: Vector) -> tuple[N
         left, right = np.maximum(sizes[:, :-4], sizes[:, 1:-3]), np.maximum(sizes[:, 3:-1], sizes[:, 4:])
         dips[:, 2:-2] = inside & (sizes[:, 2:-2] <= np.minimum(left, right) + np.log(_DIP))
     return flips, dips
+
+
+def _beginning(joined: NDArray[np.bool_], sizes: Vector) -> NDArray[np.bool_]:
+    """Whether a stretch of rows begins at a row with a zero, at the start or an event, shape (blocks, rows - 2)."""
+    first = np.concatenate([[True], ~joined[:-2]]) & joined[:-1] & joined[1:]
+    return np.asarray(first & (sizes[:, :-2] < sizes[:, 2:] + np.log(_BEGINS)))
 
 
 def _turns(joined: NDArray[np.bool_], t: Vector, z: Vector) -> NDArray[np.bool_]:
@@ -300,7 +310,7 @@ def _crossing(
     changes &= np.maximum(sizes[1:], sizes[:-1]) < np.log(_POLE) + float(ends.max())
     if changes.any():
         k = int(np.argmax(changes))
-        return _place(problem, blocks, number, along, [k, k + 1], float(ends.min()))
+        return _place(problem, blocks, number, along, [k, k + 1], tuple(a[..., [0, -1]] for a in along))
     scale = problem.scale_z[columns]
     off = np.abs(along[2][columns][:, np.isin(wanted, t)] - z[columns, 1:]).max(axis=1) / scale
     passed = np.abs(z[columns] - z[columns, :1]).max(axis=1) / scale
@@ -335,7 +345,7 @@ def _touching(
             return None
         k = int(np.argmin(sizes))
         if sizes[k] < np.log(_ZERO) + end:
-            return _place(problem, blocks, number, along, [k, k], end)
+            return _place(problem, blocks, number, along, [k, k], tuple(a[..., [0, -1]] for a in window))
         wanted = at[max(k - 1, 0) : k + 2]
     return None
 
@@ -350,12 +360,13 @@ def _other_solution(problem: Problem, columns: NDArray[np.intp], window: Rows) -
 
 
 def _place(
-    problem: Problem, blocks: _Blocks, number: int, along: Rows, two: list[int], end: float
+    problem: Problem, blocks: _Blocks, number: int, along: Rows, two: list[int], beside: Rows
 ) -> tuple[float, tuple[int, ...]] | None:
-    """The crossing between two points of a solution; None where the unknowns are only undefined there.
+    """The crossing between two points of a solution; None where there is no other one at rows `beside` it.
 
-    The other solution leaves in the direction in which the equations have no slope. Where that stays so along this
-    direction (x * (z - 1) == 0 at x = 0) there is none: any z solves the equations there, and beside it only one.
+    The other solution leaves in the direction in which the equations have no slope, and a determinant of zero lies
+    between the two. Where its sign stays along this direction there is one solution: any z solves x * (z - 1) == 0 at x
+    = 0, and y**3 == x has no finite slope there.
     """
     block = blocks.blocks[number]
     columns, (before, behind) = block.columns, two
@@ -370,13 +381,12 @@ def _place(
     matrix = block.matrices((1 - share) * entries[:1] + share * entries[1:])[0]
     size = np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
     direction = np.linalg.svd(matrix / size)[2][-1]
-    here = tuple(a[..., [k, k, k]] for a in along)
     moved = _MOVE * (1.0 + float((np.abs(along[2][columns, k]) / problem.scale_z[columns]).max()))
-    z = here[2].copy()
-    z[columns] += np.outer(problem.scale_z[columns] * direction, [0.0, moved, -moved])
-    signs, sizes = (found[number] for found in blocks.determinants(problem, (here[0], here[1], z, here[3])))
-    values = signs * np.exp(np.minimum(sizes - end, 50.0))
-    if not np.abs(values[1:] - values[0]).max() > _CURVED:
+    aside = np.concatenate([moved * _ASIDE, -moved * _ASIDE])
+    there = tuple(np.repeat(a, len(aside), axis=-1) for a in beside)
+    there[2][columns] += np.outer(problem.scale_z[columns] * direction, np.tile(aside, len(beside[0])))
+    signs = blocks.determinants(problem, there)[0][number].reshape(-1, len(aside))
+    if not ((signs.min(axis=1) < 0.0) & (signs.max(axis=1) > 0.0)).any():
         return None
     return t, tuple(columns[np.abs(direction) > 0.1 * np.abs(direction).max()].tolist())
 

@@ -64,9 +64,7 @@ def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, 
     if kinks is None:
         return []
     t, x, z, m = recorder.rows()
-    events = 1 + np.flatnonzero((m[:, 1:] != m[:, :-1]).any(axis=0))[:_MOST]
-    if not len(events):
-        return []
+    events = np.append(0, 1 + np.flatnonzero((m[:, 1:] != m[:, :-1]).any(axis=0)))[:_MOST]
     t, x, z, m = t[events], x[:, events].T.copy(), z[:, events].T.copy(), m[:, events].T.copy()
     distances = rows(kinks.distances, (t[:, None], x, z, problem.u, problem.p, m))
     judged = 0
