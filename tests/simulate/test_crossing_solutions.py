@@ -81,7 +81,9 @@ HEALTHY: dict[str, Residuals] = {
     "near three": lambda x, y, z: [y**3 + (x**2 + 1e-3) * (y - x), z - y],
 }
 NEARER: dict[str, Residuals] = {"nearer": lambda x, y, z: [y * (x - y) + 1e-9, z - y]}
-RESIDUALS = {**CROSSING, **HEALTHY, **NEARER}
+# singular all along y = x, where it begins
+SINGULAR: dict[str, Residuals] = {"double": lambda x, y, z: [y * fabs(x - y), z - y]}
+RESIDUALS = {**CROSSING, **HEALTHY, **NEARER, **SINGULAR}
 
 
 def run(equation: str, solver: str, **options: Any) -> acausal.Result:
@@ -201,3 +203,9 @@ def test_a_run_that_begins_where_the_only_solution_is_steep_is_not_noted() -> No
     """y |y| + y / 1000 == x at x = 0."""
     begun = Crossing(equation="turbulent", x=fixed(0.0), y=guess(0.0), z=guess(0.0))
     assert not noted(acausal.simulate(begun, stop_time=1.0, solver="idas"))
+
+
+def test_steps_that_singular_equations_leave_where_they_were_are_refused() -> None:
+    """x' = 1, and x stayed -1: CasADi took the nan of a Newton step for a small one."""
+    with pytest.raises(IntegrationError):
+        run("double", "collocation")

@@ -17,6 +17,9 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.solvers.base import CasadiSolver, islands, unmoved
 from acausal.simulate.solvers.segment import Piece, Segment
 
+# Way of a state in a step, by its size, without which it may stay as it is.
+_MOVED = 1e-9
+
 
 def step_of(segment: Segment, solver: str) -> float:
     """The step, or UsageError AC031 when none was given."""
@@ -70,6 +73,18 @@ class Collocation(CasadiSolver):
             # a step that Newton's method does not solve is none
             "rootfinder_options": {"error_on_fail": True, "max_iter": 100, "show_eval_warnings": False},
         }
+
+    def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
+        """As of every plugin; RuntimeError where a singular slope made nan of Newton's step, which CasADi takes."""
+        x, z, stats = super()._solved(problem, segment)
+        begun = segment.x[: problem.n_dynamic] / problem.scale_x
+        if np.array_equal(x[0], begun):
+            numbers = problem.vector(segment.p, segment.x, segment.start)
+            rates = problem.scaled.buffered(segment.start, begun, segment.z / problem.scale_z, numbers, [])[0]
+            way = np.abs(rates) * (float(segment.times[0]) - segment.start)
+            if (way > _MOVED * (1.0 + np.abs(begun))).any():
+                raise RuntimeError("CONV_FAIL: the equations of a step are singular")
+        return x, z, stats
 
 
 class Rk2:
