@@ -208,11 +208,17 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked:
     missing = [n for n in compiled.inputs if n not in given and scalars[n] not in compiled.flat.starts]
     if unknown or missing:
         wanted = (missing or [*compiled.inputs, "u"])[0]
-        fact = f"there is no input '{unknown[0]}'" if unknown else f"input {missing[0]} has no value"
+        fact, cause = f"there is no input '{unknown[0]}'" if unknown else f"input {missing[0]} has no value", None
+        if unknown and any(v.path == unknown[0] for v in compiled.flat.variables):
+            fact = f"{unknown[0]} is not an input, but a variable to which the model gives a value"
+            cause = "an equation, a connection, or a default that is no single number: true or false, or a vector"
+            if any(name.startswith(f"{unknown[0]}[") for name in compiled.inputs):
+                fact, cause = f"{unknown[0]} is a vector, and each of its elements an input", None
         raise UsageError(
             "AC033",
             fact,
             evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
+            cause=cause,
             help=f"inputs={{'{wanted}': 0.0}}, or --input {wanted}=0; or bind it in the model",
         )
     u = np.zeros(len(compiled.inputs))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, part, signal_input, variable
+from acausal import Component, Equations, Real, boolean_input, der, fixed, part, signal_input, variable, where
 from acausal.errors import AcausalError
 from acausal.library.blocks import Pulse
 
@@ -48,6 +48,31 @@ def test_a_wrong_argument_is_named(arguments: dict[str, Any], code: str, words: 
     assert error.value.code == code
     for word in words:
         assert word in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("on", "on is not an input, but a variable to which the model gives a value"),
+        ("w", "w is a vector, and each of its elements an input"),
+        ("x", "x is not an input, but a variable"),
+    ],
+)
+def test_what_is_no_input_is_told_from_what_does_not_exist(name: str, words: str) -> None:
+    """It was said of all three that there is no such input, and that it should be bound in the model."""
+
+    class Switched(Lag):
+        on: Real = boolean_input(default=False)
+        w: Real = signal_input(shape=2)
+        y: Real = variable()
+
+        def equations(self) -> Equations:
+            yield self.y == where(self.on, self.w[0], self.w[1])
+
+    given = {"u": 1.0, "w[0]": 1.0, "w[1]": 2.0, name: 1.0}
+    with pytest.raises(AcausalError, match=words) as error:
+        acausal.simulate(Switched(), inputs=given, stop_time=1.0)
+    assert error.value.code == "AC033"
 
 
 @pytest.mark.parametrize("verb", ["compile", "simulate", "linearize", "stability", "reduce", "free", "animate"])
