@@ -21,12 +21,14 @@ from acausal import (
     guess,
     maximum,
     minimum,
+    signal_input,
     sin,
     structural,
     variable,
     where,
 )
 from acausal.errors import IntegrationError
+from acausal.optimal_control import Problem
 
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk", "rk", "rk2", "collocation"]
 
@@ -209,3 +211,24 @@ def test_steps_that_singular_equations_leave_where_they_were_are_refused() -> No
     """x' = 1, and x stayed -1: CasADi took the nan of a Newton step for a small one."""
     with pytest.raises(IntegrationError):
         run("double", "collocation")
+
+
+class Pushed(Component):
+    """x' = u from -1, and y (x - y) == 0 from y = -1."""
+
+    u: Real = signal_input(default=1.0)
+    x: Real = variable(default=fixed(-1.0))
+    y: Real = variable(default=guess(-1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+        yield self.y * (self.x - self.y) == 0.0
+
+
+def test_an_optimum_hands_on_what_its_replay_says() -> None:
+    problem = Problem(Pushed())
+    problem.phase(duration=2.0, intervals=3)
+    problem.subject_to("u", min=0.5, max=2.0)
+    problem.subject_to(problem.end("x") == 1.0)
+    problem.minimize(problem.integral("u"))
+    assert noted(problem.solve())
