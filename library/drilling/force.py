@@ -48,7 +48,7 @@ class DrillContactForce(PartialCuttingForce):
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     w_min: Real = parameter(
-        default=1e-9, unit="m", min=0.0, doc="Engaged width below which the force has not grown to its full value yet"
+        default=1e-9, unit="m", min=1e-18, doc="Engaged width below which the force has not grown to its full value yet"
     )
     p_indent: Real = parameter(default=0.0, unit="Pa", min=0.0, doc="Pressure below the indenting chisel edge")
     d_indent: Real = parameter(default=0.0, unit="m", min=0.0, doc="Diameter of the part that is indented")

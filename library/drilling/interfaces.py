@@ -9,9 +9,12 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    assert_,
     connect,
     der,
     dot,
+    initial,
+    no_event,
     parameter,
     part,
     signal_output,
@@ -59,7 +62,7 @@ class PartialDrillingForce(Component):
     z: Real = parameter(
         default=lambda self: self.material.z, unit="1", min=0.0, max=1.0, doc="Exponent of the chip thickness"
     )
-    h_min: Real = parameter(default=1e-6, unit="m", min=0.0, doc="Chip thickness below which k_c stays constant")
+    h_min: Real = parameter(default=1e-6, unit="m", min=1e-15, doc="Chip thickness below which k_c stays constant")
     K_rake: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for the rake angle")
     K_wear: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for wear")
     K_speed: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for the cutting speed")
@@ -149,5 +152,16 @@ class PartialDrillingForce(Component):
         yield self.F_c == force.F_c
         yield self.F_f == force.F_f
         yield self.torque == force.torque
+        yield assert_(
+            ~initial() | no_event(self.feed_force_factor > _FEEBLE),
+            "AC196: the feed force is less than a fifth of the cutting force, since its factor sin(sigma), as printed "
+            "in the paper, vanishes for a flat drill: such a drill falls through; set feed_force_factor, in most of the "
+            "literature sin(sigma/2)",
+            level="warning",
+        )
         # the position of the tip is resolved in frame_w, so its derivative is the velocity relative to the plate
         yield self.v_axial == dot(geometry.axis, der(geometry.tip))
+
+
+_FEEBLE = 0.2
+"""Share of the feed force below which it hardly holds a drill: point angles above 168 degrees."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import acausal
@@ -65,3 +67,18 @@ def test_a_soft_contact_may_be_pressed_in_far() -> None:
     # 1e5 N/m under 500 N: 5 mm, and no mistake.
     r = acausal.simulate(ThickBlock(), parameters={"gap": -5e-3, "drill.k": 1e5}, stop_time=0.1)
     assert r["drill.F_f"][0] == pytest.approx(500.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["drill.h_min", "drill.force.w_min", "drill.force.omega_1"])
+def test_what_is_divided_by_is_refused_by_name_where_it_is_zero(name: str) -> None:
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(ThickBlock(), parameters={name: 0.0}, stop_time=2.0)
+    assert caught.value.code == "AC136"
+    assert f"{name} = 0 " in caught.value.fact
+
+
+@pytest.mark.parametrize(("values", "is_told"), [({}, True), ({"drill.feed_force_factor": 1.0}, False)])
+def test_a_flat_drill_that_the_printed_factor_lets_fall_is_told(values: dict[str, float], is_told: bool) -> None:
+    """Equation (8) of the paper, F_f = F_c sin(sigma), is zero at 180 degrees."""
+    r = acausal.simulate(ThickBlock(), parameters={"drill.sigma": math.pi, **values}, stop_time=2.0)
+    assert any("AC196" in note for note in r.stats["notes"]) == is_told  # type: ignore[attr-defined]
