@@ -155,8 +155,8 @@ class PartialDrillingForce(Component):
         yield assert_(
             ~initial() | no_event(self.feed_force_factor > _FEEBLE),
             "AC196: the feed force is less than a fifth of the cutting force, since its factor sin(sigma), as printed "
-            "in the paper, vanishes for a flat drill: such a drill falls through; set feed_force_factor, in most of the "
-            "literature sin(sigma/2)",
+            "in the paper, vanishes for a flat drill: such a drill falls through; set feed_force_factor, in most of "
+            "the literature sin(sigma/2)",
             level="warning",
         )
         # the position of the tip is resolved in frame_w, so its derivative is the velocity relative to the plate
