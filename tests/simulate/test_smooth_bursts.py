@@ -266,8 +266,10 @@ def _crest(step: str, argument: str, switches: bool = False) -> CompiledModel:
 def test_a_single_step_that_comes_and_goes(solver: str, count: int) -> None:
     """One step on the crests of a sine, awake for 1e-4 to 0.3 rad of them, against quadrature.
 
-    Where the sine is a state, BDF knows its amplitude to some 70 tolerances after 20 turns: a hundred are allowed. Of
-    84 such models 23 runs of 336 were wrong, by up to 1e7 tolerances and without a word.
+    Where the sine is a state, BDF knows its amplitude to some 70 tolerances after 20 turns: a hundred are allowed, by
+    which it may not come up to the step at all. Else 20 are, and 3 for each crest, since errors of steps add up: `idas`
+    is 61 off after twenty crests at 4e-7. Of 84 such models 23 runs of 336 were wrong, by up to 1e7 tolerances and
+    without a word.
     """
     rng = random.Random(100 * count + SOLVERS.index(solver))
     kinds = ["time", "time", "state", "chosen", *(["iterated"] if solver == "idas" else [])]
@@ -285,12 +287,14 @@ def test_a_single_step_that_comes_and_goes(solver: str, count: int) -> None:
         exact = _crests(step, argument, values, 10.0)
         known = 0.0
         if argument != "time":
-            moved = [math.acos(min(math.cos(h) + s * 100.0 * tolerance, 1.0)) for s in (1.0, -1.0)]
-            known = max(abs(_crests(step, argument, {**values, "h": g}, 10.0) - exact) for g in moved)
+            levels = [math.cos(h) + s * 100.0 * tolerance for s in (1.0, -1.0)]
+            moved = [_crests(step, argument, {**values, "h": math.acos(min(c, 1.0))}, 10.0) for c in levels]
+            known = max(abs(y - exact) for y in (*moved, *([0.0] if levels[0] > 1.0 else [])))
         run: dict[str, Any] = {"stop_time": 10.0, "solver": solver, "tolerance": tolerance, "native": False}
         switches = rng.random() < 0.5
         r = acausal.simulate(_crest(step, argument, switches), parameters=values, **run)
-        allowed = 20.0 * tolerance * max(1.0, exact) + known
+        crests = 10.0 * w / TURN
+        allowed = (20.0 + 3.0 * crests) * tolerance * max(1.0, exact) + known
         assert r.final("y") == pytest.approx(exact, abs=allowed), (step, argument, switches, values, tolerance)
 
 
