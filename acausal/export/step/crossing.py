@@ -2,10 +2,10 @@
 
 Where they meet the determinant of the equations' slope is zero. From both ends of a step over such a point its tangent
 along the solution leads to zero within the step, whether it changes its sign there, touches zero, or the step has
-turned off into another solution (`acausal.simulate.record.branches` tells these apart for a run). A determinant that
-comes near zero and rises again within one step looks the same, and a step may change over there, too. Where it jumps at
-a kink, a solution that turns off has one sign on both sides: there Newton's method is asked where it leads from the
-tangents of both ends (`Method.step`).
+turned off into another solution (`acausal.simulate.record.meeting.branches` tells these apart for a run). A
+determinant that comes near zero and rises again within one step looks the same, and a step may change over there, too.
+Where it jumps at a kink, a solution that turns off has one sign on both sides: there Newton's method is asked where it
+leads from the tangents of both ends (`Method.step`).
 """
 
 from __future__ import annotations

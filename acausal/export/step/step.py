@@ -31,7 +31,7 @@ from acausal.lower.build import Symbols
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.record.kinked import meeting_relations
+from acausal.simulate.record.meeting.kinked import meeting_relations
 
 # Unrolled factorisations grow with the cube of the number of unknowns.
 _MOST_UNKNOWNS = 60

@@ -10,7 +10,7 @@ from acausal.arrays import Vector
 from acausal.errors import AcausalError, OptimizationError
 from acausal.optimal_control.optimum.optimum import Optimum
 from acausal.result.result import Result
-from acausal.simulate.record.branches import on_meeting
+from acausal.simulate.record.meeting.branches import on_meeting
 
 # Ends within this distance are equal, relative to the duration of all phases: a model may terminate with the last
 # phase.

@@ -32,7 +32,7 @@ from acausal.result.result import Result
 from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
-from acausal.simulate.record.kinked import meeting_at_kinks
+from acausal.simulate.record.meeting.kinked import meeting_at_kinks
 from acausal.simulate.record.record import Recorder
 
 _WAYS = "a run may go straight on or turn off into another one"

@@ -3,8 +3,8 @@
 Solutions of |y| == |x| meet at x = 0 where y changes its sign, without a determinant that would fall to zero there: it
 jumps, from -1 to 1. As long as an equation is continuous across a kink of its own unknowns, the signs of its
 determinant on both sides have to be equal, or on one side of the position there are two solutions more than on the
-other (the index of a solution, as in `acausal.simulate.record.branches`). What jumps (`where(blocks, i, v) == 0`) may
-have any sign on either side.
+other (the index of a solution, as in `branches.py`). What jumps (`where(blocks, i, v) == 0`) may have any sign on
+either side.
 """
 
 from __future__ import annotations
