@@ -8,7 +8,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, connect, fixed
 from acausal.library.multibody import PointMass, Spring, World
-from acausal.simulate.driver.missed_events import _apart
+from acausal.simulate.driver.missed_events import _distinct_stops
 
 G = np.array([0.0, -9.80665, 0.0])
 REST = fixed((0.0, 0.0, 0.0))
@@ -52,4 +52,4 @@ def test_the_centre_of_mass_of_thrown_bodies_flies_a_parabola() -> None:
 def test_the_last_row_of_a_stretch_is_reached() -> None:
     """Stops less than a millionth of the stretch before its end are left out, not the end."""
     rows = np.array([0.0, 0.5, 1.0 - 1e-9, 1.0])
-    assert _apart(np.array([0.3, 1.0 - 1e-9]), rows) == [0.3, 1.0]
+    assert _distinct_stops(np.array([0.3, 1.0 - 1e-9]), rows) == [0.3, 1.0]

@@ -375,7 +375,7 @@ def test_what_is_not_searched_is_said(most: int, monkeypatch: pytest.MonkeyPatch
     """A stretch of more steps than the search takes may pass something: not without a word, and no word else."""
     from acausal.simulate.driver import missed_events
 
-    monkeypatch.setattr(missed_events, "_MOST", most)
+    monkeypatch.setattr(missed_events, "_MOST_ROWS", most)
     r = acausal.simulate(_crest("tanh", "time"), stop_time=10.0, solver="cvodes", tolerance=1e-8)
     notes: Any = r.stats["notes"]
     assert any("too many steps to be searched" in note for note in notes) == (most == 50)

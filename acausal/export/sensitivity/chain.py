@@ -96,7 +96,7 @@ class Chain:
             if hybrid.missed_events is not None and own.end > own.start:
                 times = np.linspace(own.start, own.end, 3)[1:]
                 segment = replace(hybrid.template, start=own.start, times=times, x=own.x, z=own.z, p=own.m)
-                found.append(hybrid.missed_events.places(own.regime.problem, segment))
+                found.append(hybrid.missed_events.candidates(own.regime.problem, segment))
         marks = np.unique(np.concatenate(found))
         far = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
         return np.asarray(marks[far])

@@ -1,8 +1,8 @@
-"""Between the mesh points of one integration: rows, and lower bounds of guards.
+"""Interpolation between the mesh points of one integration: rows, and lower bounds and roots of guards.
 
-Mesh points are a few steps apart, so that a polynomial of degree seven through the nearest eight is as good as they
-are. Where it is not, the one of degree five through six of them is another one: their difference is the error of the
-latter (J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section 2.1).
+Mesh points are a few steps apart, so that a polynomial of degree seven through the nearest eight is usually as accurate
+as they are. Its difference from the polynomial of degree five through six of them estimates the error of the latter (J.
+Stoer and R. Bulirsch, Introduction to Numerical Analysis, section 2.1); if that is large, rows are not interpolated.
 """
 
 from __future__ import annotations
@@ -18,37 +18,39 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import LOCATED
 
 _FINE, _COARSE, _FEWEST = 8, 6, 4
-# Errors at the mesh points grow by the sum of the weights, which is 2 in the middle of evenly spaced ones.
-_LARGEST = 16.0
-# Where only rounding errors grow; evenly spaced nodes have 11 near the ends.
-_WILD = 1e3
-# Instants that are worth a look for those near zero, and how many are looked at together.
+# The limit of the sum of the magnitudes of the weights, by which errors at the mesh points are amplified; the sum is 2
+# in the middle of evenly spaced points.
+_MOST_AMPLIFIED = 16.0
+# The limit where only rounding errors are amplified; evenly spaced points have 11 near the ends.
+_MOST_ROUNDED = 1e3
+# From so many instants on, blocks of so many are tested first, as most guards are far from zero.
 _MANY, _BLOCK = 250, 64
 
 
 def between(nodes: Vector, values: Vector, times: Vector, allowed: Vector) -> tuple[Vector, Truth]:
-    """Values at m times between n nodes, shape (m, k), and whether all k are as good as `allowed`, shape (m,).
+    """Values at m times between n nodes, shape (m, k), and whether all k are accurate enough, shape (m,).
 
     `nodes`, `values`: Ascending instants, and k values at each; shapes (n,) and (n, k).
-    `times`: Ascending instants inside; shape (m,).
-    `allowed`: How far each of the values may be off; shape (m, k).
+    `times`: Ascending instants between the nodes; shape (m,).
+    `allowed`: The largest error of each value; shape (m, k).
     """
     count = min(_FINE, len(nodes))
-    fine, grown = interpolated(nodes, values, times, count)
+    fine, amplified = interpolated(nodes, values, times, count)
     exact = nodes[np.minimum(np.searchsorted(nodes, times), len(nodes) - 1)] == times
     if count < _FEWEST:
         return fine, np.asarray(exact)
     coarse, _ = interpolated(nodes, values, times, min(_COARSE, count - 1))
-    good = (np.abs(fine - coarse) <= allowed).all(axis=1) & (grown <= _LARGEST)  # false for nan
+    good = (np.abs(fine - coarse) <= allowed).all(axis=1) & (amplified <= _MOST_AMPLIFIED)  # false for nan
     return fine, np.asarray(good | exact)
 
 
 def interpolated(nodes: Vector, values: Vector, times: Vector, count: int) -> tuple[Vector, Vector]:
     """Values by Lagrange's formula through the nearest nodes, and the sums of the magnitudes of its weights.
 
-    `nodes`, `values`: Ascending instants, shape (n,), and the values there, shape (n, k).
-    `times`, `count`: Where values are wanted, shape (m,), and the number of nodes for each.
     Returns arrays of shapes (m, k) and (m,).
+
+    `nodes`, `values`: Ascending instants, shape (n,), and the values there, shape (n, k).
+    `times`, `count`: Where to interpolate, shape (m,), and the number of nodes for each.
     """
     low = np.clip(np.searchsorted(nodes, times) - count // 2, 0, len(nodes) - count)
     chosen = low[:, None] + np.arange(count)
@@ -58,29 +60,29 @@ def interpolated(nodes: Vector, values: Vector, times: Vector, count: int) -> tu
     same = np.arange(count)
     gaps[:, same, same] = away[:, same, same] = 1.0
     weights = np.prod(away / gaps, axis=2)
-    # from one of them on: what does not change is the same to the last digit
+    # relative to one of them, so that constant values are reproduced to the last digit
     base = values[chosen[:, 0]]
     found = base + np.einsum("mc,mck->mk", weights, values[chosen] - base[:, None, :])
     return found, np.abs(weights).sum(axis=1)
 
 
 def steady(nodes: Vector, values: Vector, times: Vector, count: int) -> Vector:
-    """Values as of `interpolated`, through fewer nodes where those would enlarge rounding errors; shape (m, k).
+    """Interpolate through at most `count` nodes, and fewer where rounding errors would be amplified; shape (m, k).
 
-    Between nodes of which some are next to each other, such as an output just before a mesh point, the polynomial of
-    high degree swings by the rounding errors of these.
+    If some of the nodes are next to each other, such as an output just before a mesh point, a polynomial of high degree
+    amplifies their rounding errors. The arguments are those of `interpolated`.
     """
-    found, grown = interpolated(nodes, values, times, count)
-    while count > 2 and (swings := grown > _WILD).any():
+    found, amplified = interpolated(nodes, values, times, count)
+    while count > 2 and (swings := amplified > _MOST_ROUNDED).any():
         count -= 2
-        found[swings], grown[swings] = interpolated(nodes, values, times[swings], max(count, 2))
+        found[swings], amplified[swings] = interpolated(nodes, values, times[swings], max(count, 2))
     return found
 
 
 def newton_form(nodes: list[float], values: list[float]) -> Callable[[float], float]:
     """The polynomial through some points, by divided differences (section 2.1.3 of the same book).
 
-    On numbers, not arrays: a root takes a hundredth of the time that SciPy needs to be imported for it.
+    It takes numbers instead of arrays: SciPy would take a hundred times as long to import as a root takes here.
     """
     weights = list(values)
     for j in range(1, len(nodes)):
@@ -97,12 +99,12 @@ def newton_form(nodes: list[float], values: list[float]) -> Callable[[float], fl
 
 
 def root(times: Vector, values: Vector, row: int) -> float:
-    """Where the polynomial through some values, shape (n,), falls through zero behind the instant of a row.
+    """The zero at which the polynomial through some values, shape (n,), becomes negative between a row and the next.
 
-    That instant itself where it does not before the next one.
+    The instant of the row if there is none.
     """
     origin = float(times[row])
-    if not np.isfinite(values[row + 1]):  # a pole: what follows begins where it is still finite
+    if not np.isfinite(values[row + 1]):  # a pole: the event is at the last instant with a finite value
         return origin
     known = np.isfinite(values)
     curve = newton_form((times[known] - origin).tolist(), values[known].tolist())
@@ -115,12 +117,13 @@ def root(times: Vector, values: Vector, row: int) -> float:
 
 
 def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
-    """Intervals between n + 1 instants that may hold a zero, shape (m,), and lower bounds there, shape (m, guards).
+    """Intervals between n + 1 instants that may contain a zero, shape (m,), and lower bounds there, shape (m, guards).
 
-    `g` has shape (n + 1, guards). Where there are many instants, blocks of them in which a guard moves by less than it
-    is away from zero are not looked at, and its bounds are inf: with the largest change r between neighbours and the
-    largest ratio q of two intervals that meet, parabolas of `_bounds` go below the least value by no more than 3/4 q r,
-    and lines by no more than q r.
+    `times`, `g`: The instants, and the guards there; shapes (n + 1,) and (n + 1, guards).
+
+    If there are many instants, blocks of them in which a guard moves by less than its distance from zero are left out,
+    or the guard gets the bound inf. With the largest change r between neighbours and the largest ratio q of the lengths
+    of adjacent intervals, the parabolas of `_bounds` are below the least value by at most 3/4 q r, and lines by q r.
     """
     if len(g) < _MANY:
         return np.arange(len(g) - 1), _bounds(times, g)
@@ -130,15 +133,15 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
     uneven[1:] = np.maximum(h[1:] / h[:-1], h[:-1] / h[1:])
     ratio = _around(np.maximum, uneven, starts)[:, None]
     least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
-    with np.errstate(invalid="ignore"):  # nan is near
+    with np.errstate(invalid="ignore"):  # nan counts as near zero
         near = ~(least > ratio * (most - least))
     ends = np.flatnonzero(np.diff(near.any(axis=1), prepend=False, append=False)).reshape(-1, 2)
     rows, found = [np.zeros(0, dtype=np.intp)], [np.zeros((0, g.shape[1]))]
     for first, last in ends.tolist():
         left, right = first * _BLOCK, min(last * _BLOCK, len(h))
-        before, behind = max(left - 1, 0), min(right + 2, len(g))
+        before, after = max(left - 1, 0), min(right + 2, len(g))
         columns = np.flatnonzero(near[first:last].any(axis=0))
-        bounds = _bounds(times[before:behind], g[before:behind, columns])
+        bounds = _bounds(times[before:after], g[before:after, columns])
         rows.append(np.arange(left, right))
         found.append(np.full((right - left, g.shape[1]), np.inf))
         found[-1][:, columns] = bounds[left - before : right - before]
@@ -146,7 +149,7 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
 
 
 def _around(extreme: np.ufunc, values: Vector, starts: NDArray[np.intp]) -> Vector:
-    """The least or largest values of blocks and the two beside each: intervals are bounded by what is around them."""
+    """The least or largest values of each block and its two neighbours, on which the bounds of its intervals depend."""
     own = extreme.reduceat(values, starts, axis=0)
     found = own.copy()
     extreme(found[1:], own[:-1], out=found[1:])
@@ -155,21 +158,21 @@ def _around(extreme: np.ufunc, values: Vector, starts: NDArray[np.intp]) -> Vect
 
 
 def _bounds(times: Vector, g: Vector) -> Vector:
-    """The same, of all guards.
+    """Lower bounds of all guards in all n intervals; shape (n, guards).
 
-    Two parabolas share an interval, through three neighbours each. They differ by as much as either may be wrong (the
-    interpolation error of third differences, J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section
-    2.1), so that the lower one is lowered once more by this difference.
+    Each interval has two parabolas, through three neighbouring instants each. Their difference estimates their error
+    (that of interpolation by third differences, J. Stoer and R. Bulirsch, Introduction to Numerical Analysis, section
+    2.1), and is subtracted once more from the lower one.
 
-    A kink is no parabola: `abs(x) - 1e-3` seen from afar at both sides of x = 0 looks as if it turned back high above
-    zero. Where the lines through the neighbours on both sides meet in the interval, the bound is no higher than there;
-    without a neighbour on one side the line is taken to be as steep as on the other.
+    Parabolas do not show kinks: that of `abs(x) - 1e-3` through distant points on both sides of x = 0 turns back high
+    above zero. Where the lines through the neighbours on both sides meet in the interval, the bound is no higher than
+    their intersection; without a neighbour on one side, the line is taken to be as steep as on the other.
     """
     a, b = g[:-1], g[1:]
     if len(g) < 3:
         return np.asarray(np.minimum(a, b))
     h = np.diff(times)[:, None]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # beyond a pole nothing is known: nan
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nan beyond a pole
         rise = b - a
         curve = np.diff(rise / h, axis=0) / (h[1:] + h[:-1])
         left, right = np.concatenate([curve[:1], curve]), np.concatenate([curve, curve[-1:]])
@@ -181,20 +184,20 @@ def _bounds(times: Vector, g: Vector) -> Vector:
 
 
 def _meeting(g: Vector, h: Vector, slope: Vector) -> Vector:
-    """Where the lines through the neighbours of each interval meet in it, inf where they do not."""
-    before, behind = np.concatenate([-slope[1:2], slope[:-1]]), np.concatenate([slope[1:], -slope[-2:-1]])
+    """The height at which the lines through the neighbours of each interval meet in it; inf where they do not."""
+    before, after = np.concatenate([-slope[1:2], slope[:-1]]), np.concatenate([slope[1:], -slope[-2:-1]])
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = (behind - slope) / (behind - before)
-        inside = (before < 0.0) & (behind > 0.0) & (s >= 0.0) & (s <= 1.0)
+        s = (after - slope) / (after - before)
+        inside = (before < 0.0) & (after > 0.0) & (s >= 0.0) & (s <= 1.0)
         return np.where(inside, g[:-1] + before * s * h, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
 class LeftGuards:
-    """Guards at the start of a stretch: those that leave zero are judged by their mean rate since then.
+    """Guards at the start of a stretch; those that leave zero there are judged by their mean rate since then.
 
-    `values`, `leaving`, `rates`, `noises`: Of each guard its value at `time` [s], whether it leaves zero there, its
-    rate, and how far it can be wrong; shape (guards,).
+    `values`, `leaving`, `rates`, `noises`: For each guard its value at `time` [s], whether it leaves zero there, its
+    rate, and its largest error; shape (guards,).
     """
 
     time: float
@@ -205,33 +208,32 @@ class LeftGuards:
 
     @cached_property
     def is_left(self) -> bool:
-        """Whether there are such guards."""
+        """Whether any guard leaves zero."""
         return bool(self.leaving.any())
 
     @cached_property
-    def _nothing(self) -> Vector:
-        return np.zeros((0, len(self.noises)))
-
-    @cached_property
     def _until(self) -> float:
-        """When the last of them has left what it may be off by rounding [s]."""
+        """When the last of them exceeds its error [s]."""
         longest = float((self.noises[self.leaving] / self.rates[self.leaving]).max()) / LOCATED
         return self.time + 1.001 * longest
 
     def near(self, times: Vector) -> Vector:
-        """How far below zero guards may be by rounding, as they have just left it, at the first r of n instants.
+        """How far below zero guards that have just left it may be, by rounding errors; shape (r, guards).
 
-        `times` ascend; shape (r, guards). From the next one on it is nothing.
+        At the first r of the ascending `times`, shape (n,); from then on the allowance is zero.
         """
         first = int(np.searchsorted(times, self._until, side="right")) if self.is_left else 0
         with np.errstate(divide="ignore", invalid="ignore"):
-            gone = (
+            moved = (
                 LOCATED * (times[:first] - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
             )
-        return np.asarray(self.noises * np.clip(1.0 - gone, 0.0, 1.0))
+        return np.asarray(self.noises * np.clip(1.0 - moved, 0.0, 1.0))
 
     def judged(self, times: Vector, values: Vector) -> Vector:
-        """What must not be negative, at n instants; shape (n, guards)."""
+        """Quantities at n instants that are negative once a guard is passed; shape (n, guards).
+
+        The values themselves, or the mean rates of guards that have left zero.
+        """
         if not self.is_left:
             return values
         found, since = values.copy(order="K"), times - self.time

@@ -1,13 +1,13 @@
-"""The first crossing of any guard between two points of a solution, proved by points that are all as good as steps.
+"""The first crossing of any guard between two points of a solution, bracketed by points that are all ends of steps.
 
-At a point the distances of the guards and their rates are known. Between two points a guard is passed where its sign
-changes; it may be passed there and back where the tangents at both ends meet near zero (a kink, `abs(x) < 1e-3`), or
-where the cubic through both goes below zero. Such an interval gets another point, where the cubic says that the
-crossing is or where the dip is lowest, until nothing is left to doubt. Where a guard has a kink, `maximum(u, 1e-9)`,
-cubics may close in by a thousandth a point for ever: where one has not halved its interval, the next point is where the
-tangent at the right is zero, and the one after that the middle (R. P. Brent, Algorithms for Minimization without
-Derivatives, 1973, chapter 4). The new point is integrated, not interpolated: dense output of stiff components is
-thousands of tolerances off. `native/bracketing.c` and `event_loop.c` do the same.
+At each point the distances of the guards and their rates are known. Between two points a guard is passed if its sign
+changes. It may be passed there and back if the tangents at both ends meet near zero (a kink, `abs(x) < 1e-3`), or if
+the Hermite cubic goes below zero. Such an interval gets another point, at the crossing or at the minimum of the cubic,
+until no crossing is possible elsewhere. If a guard has a kink, `maximum(u, 1e-9)`, cubics may shorten the interval by
+only a thousandth at a time. So if an interval was not halved, the next point is at the zero of the right-hand tangent,
+and the one after that is the middle (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 4).
+New points are integrated and not interpolated, because dense output of stiff components is wrong by thousands of
+tolerances. `native/bracketing.c` and `event_loop.c` do the same.
 """
 
 from __future__ import annotations
@@ -21,16 +21,20 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 
-# A dip is looked into when its tangents meet below this share of what they fall and rise.
+# A dip gets a point if its tangents meet below this fraction of the sum of their fall and rise.
 _LOW = 0.05
 _MOST_POINTS = 400
-# An interval as short as so many instants that cannot be told apart is not divided where a guard jumps in it.
+# An interval in which a guard jumps is not divided if it is no longer than so many times the resolution of instants.
 _FEW_INSTANTS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A point of the solution: states `x`; of k guards what is left `above` zero, rates, and what counts as zero."""
+    """A point of the solution at time `t`: states, and of k guards the distances, their rates, and what counts as zero.
+
+    `above`, `rate`, `near`: A guard is passed where `above` is negative, and on zero up to a distance of `near`; shape
+    (k,).
+    """
 
     t: float
     x: Vector
@@ -40,12 +44,12 @@ class Node:
 
 
 def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[[Node, float], Node]) -> Node | None:
-    """Where the first guard is reached between two nodes, or None.
+    """The node at which the first guard is reached between two nodes, or None.
 
-    Raises RuntimeError: no end is found: a guard oscillates faster than the points follow.
+    Raises RuntimeError if a guard oscillates faster than the points can follow.
 
-    `instant`: Two times are one when they are no farther apart [s].
-    `integrate`: The node at a time after another node.
+    `instant`: Two times coincide if they are no farther apart than this [s].
+    `integrate`: Returns the node at a time after another node.
     """
     start, pending = left, [right]
     earlier, last = np.inf, np.inf  # widths of the intervals that got the last two points
@@ -57,9 +61,9 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
         width = right.t - left.t
         wide = width > instant
         is_there = bool(passed.any()) and (not wide or bool((right.above >= -right.near)[passed].all()))
-        # others may have been passed there and back before one is reached
-        doubts = _doubts(left, right, passed, is_there, by_tangent=width > 0.5 * last) if wide else iter(())
-        trial = min(doubts, default=None)
+        # before one guard is reached, others may have been passed there and back
+        possible = _possible(left, right, passed, is_there, by_tangent=width > 0.5 * last) if wide else iter(())
+        trial = min(possible, default=None)
         if trial is None:
             if is_there:
                 return right
@@ -73,36 +77,40 @@ def first_crossing(left: Node, right: Node, instant: float, integrate: Callable[
         if trial - left.t <= instant:
             if passed.any() and not is_there and width <= _FEW_INSTANTS * instant:
                 return left
-            trial = left.t + instant  # a guard that jumps: a cubic through both sides crosses zero at once
-        found = integrate(left, min(trial, right.t - 0.5 * instant))
-        pending = [found] if (found.above < 0.0).any() else [*pending, found]  # the first event is before it
+            trial = left.t + instant  # for a guard that jumps, a cubic through both sides crosses zero at once
+        node = integrate(left, min(trial, right.t - 0.5 * instant))
+        pending = [node] if (node.above < 0.0).any() else [*pending, node]  # in the first case the event is before it
     raise RuntimeError("no first crossing was found")
 
 
 def is_clear(
     widths: Vector, left: tuple[Vector, Vector, Vector], right: tuple[Vector, Vector, Vector]
 ) -> NDArray[np.bool_]:
-    """Whether nothing is passed or in doubt in each of n intervals, which is what `first_crossing` asks first.
+    """Whether no guard is passed in an interval, nor may be; shape (n,). The first test of `first_crossing`.
 
-    `left` and `right` are distances, rates and what counts as zero at their ends, shapes (n, guards).
+    `widths`: The lengths of n intervals [s]; shape (n,).
+    `left`, `right`: Distances, rates and what counts as zero at their ends; shapes (n, guards).
     """
     near = np.maximum(left[2], right[2])
     a, b = left[1] * widths[:, None], right[1] * widths[:, None]
-    asked = (left[0] + a / 3 < -near) | (right[0] - b / 3 < -near) | ((a < 0.0) & (b > 0.0)) | (right[0] < 0.0)
-    return np.asarray(~asked.any(axis=1))
+    may_pass = (left[0] + a / 3 < -near) | (right[0] - b / 3 < -near) | ((a < 0.0) & (b > 0.0)) | (right[0] < 0.0)
+    return np.asarray(~may_pass.any(axis=1))
 
 
-def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool, *, by_tangent: bool) -> Iterator[float]:
-    """Times in an interval at which a guard may be passed; those that are `passed` at its end may just be reached.
+def _possible(
+    left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool, *, by_tangent: bool
+) -> Iterator[float]:
+    """Times in an interval at which a guard may be passed.
 
-    Those are looked for where cubics fall below zero or, `by_tangent`, where their tangents at the end are zero.
+    Guards that are `passed` at its end are searched unless the end is their crossing, `is_there`: where their cubics
+    fall below zero or, `by_tangent`, where their tangents at the end are zero.
     """
     width = right.t - left.t
     near = np.maximum(left.near, right.near)
     p0, p1, a, b = left.above, right.above, left.rate * width, right.rate * width
     for k in np.flatnonzero(passed).tolist() if not is_there else ():
-        meets = 1.0 - p1[k] / b[k] if by_tangent and b[k] < 0.0 else 0.0
-        yield left.t + width * (float(meets) if meets > _LOW else _drop(*_numbers(p0, a, p1, b, k)))
+        s = 1.0 - p1[k] / b[k] if by_tangent and b[k] < 0.0 else 0.0
+        yield left.t + width * (float(s) if s > _LOW else _drop(*_numbers(p0, a, p1, b, k)))
     if not ((p0 + a / 3 < -near) | (p1 - b / 3 < -near) | ((a < 0.0) & (b > 0.0)))[~passed].any():
         return
     turning = ~passed & (a < 0.0) & (b > 0.0)
@@ -112,7 +120,7 @@ def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool, 
         kinks = turning & ((low < -near) | ((low < _LOW * (b - a)) & (np.minimum(p0, p1) > near)))
     for k in np.flatnonzero(kinks).tolist():
         yield left.t + width * min(max(float(where[k]), 0.02), 0.98)
-    # a cubic is nowhere below its control points
+    # a cubic is nowhere below its Bezier control points
     for k in np.flatnonzero(~passed & ~kinks & ((p0 + a / 3 < -near) | (p1 - b / 3 < -near))).tolist():
         at, value = _lowest(*_numbers(p0, a, p1, b, k))
         if value < -near[k]:
@@ -120,7 +128,7 @@ def _doubts(left: Node, right: Node, passed: NDArray[np.bool_], is_there: bool, 
 
 
 def _numbers(p0: Vector, a: Vector, p1: Vector, b: Vector, k: int) -> tuple[float, float, float, float]:
-    """One guard's, as Python's own numbers: with NumPy's, to calculate takes five times as long."""
+    """The values of one guard as Python floats: calculations with NumPy scalars take five times as long."""
     return float(p0[k]), float(a[k]), float(p1[k]), float(b[k])
 
 
@@ -130,9 +138,9 @@ def _cubic(p0: float, a: float, p1: float, b: float) -> tuple[float, float]:
 
 
 def _turns(p0: float, a: float, p1: float, b: float) -> list[float]:
-    """Where that cubic is level inside (0, 1), in order."""
+    """Where the slope of that cubic is zero inside (0, 1), ascending."""
     square, cube = _cubic(p0, a, p1, b)
-    # a frozen mode may lead to numbers whose squares are none: the cubic is judged by its size
+    # the coefficients are scaled, because a frozen mode may lead to numbers whose squares overflow
     size = max(abs(square), abs(cube), abs(a), 1e-300)
     square, cube, a = square / size, cube / size, a / size
     inside = square * square - 3 * a * cube
@@ -149,7 +157,7 @@ def _value(p0: float, a: float, p1: float, b: float, s: float) -> float:
 
 
 def _lowest(p0: float, a: float, p1: float, b: float) -> tuple[float, float]:
-    """Where the cubic is lowest inside (0, 1), and how low; (0.5, inf) where it is level nowhere."""
+    """Where the cubic is lowest inside (0, 1), and its value there; (0.5, inf) if its slope is zero nowhere."""
     found = [(_value(p0, a, p1, b, s), s) for s in _turns(p0, a, p1, b)]
     value, at = min(found, default=(np.inf, 0.5))
     return at, value

@@ -1,4 +1,4 @@
-"""Where a solver is asked for what it has, between its start and its next event."""
+"""Mesh points: the instants between the start of a stretch and its event at which a solver returns its solution."""
 
 from __future__ import annotations
 
@@ -12,22 +12,24 @@ from acausal.arrays import Vector
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.segment import Segment
 
-# Mesh points at once: fewer when there are many numbers to each.
+# The most and the fewest mesh points of one call of a solver, and the most numbers that it returns.
 _POINTS, _FEWEST, _NUMBERS = 512, 4, 4e6
-# The same between fixed steps: a search costs as much as some hundred of them.
+# The most mesh points of a call with fixed steps, because a search costs as much as some hundred of them.
 _STEPS = 4096
-# Mesh points move apart by this factor: evenly spaced they could fall in with an oscillation.
+# Each distance of mesh points is larger than the one before by this factor; even ones could alias with an oscillation.
 _GROWTH = 1.02
-# The first mesh point is so many first steps away, the next ones are so many times as far: a multistep method begins
-# with a tiny step and doubles it.
+# The first mesh point is so many first steps away, and the next ones, up to a number, are each so many times as far,
+# because a multistep method begins with a tiny step and doubles it.
 _FIRST, _RAMP, _MOST_RAMPS = 16.0, 4.0, 15
+# The least distance of two mesh points, in rounding errors of the time.
 _ROUNDINGS = 64
 
 
 def first_step(problem: Problem, segment: Segment, horizon: float) -> float:
-    """The step in which the states change by half their tolerance, at most a thousandth of the horizon.
+    """The step in which the states change by half their tolerance, at most a thousandth of the horizon [s].
 
-    As IDAS has it (`IDASolve`), but for the distance of the first output: nothing may depend on outputs.
+    IDAS chooses its first step in this way (`IDASolve`), but with the distance of the first output as the horizon; here
+    no step may depend on outputs.
     """
     n = problem.n_dynamic
     x = segment.x[:n] / problem.scale_x
@@ -40,22 +42,22 @@ def first_step(problem: Problem, segment: Segment, horizon: float) -> float:
 
 
 def resolution(t: float, span: float) -> float:
-    """What two mesh points must be apart at least."""
+    """The least distance of two mesh points at time `t` of a run of length `span` [s]."""
     return float(_ROUNDINGS * np.spacing(max(abs(t), span)))
 
 
 def most(problem: Problem, fixed: bool = False) -> int:
-    """Mesh points at once, of a solver with `fixed` steps or one that chooses them."""
+    """The most mesh points of one call of a solver, with `fixed` steps or with steps that it chooses."""
     return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _STEPS if fixed else _POINTS))
 
 
 @cache
 def shares(ramps: int, count: int) -> Vector:
-    """Mesh points that move apart, as shares of the time from their start to the last.
+    """Mesh points at growing distances, as fractions of the time from their start to the last.
 
-    `ramps` of them are ever four times as far from the start as the one before, up to a spacing; then come `count`, the
-    first one spacing away, each a little farther from the one before. An integrator for these is kept over stretches
-    and runs, and so there are few.
+    Each of the first `ramps` is four times as far from the start as the one before; then come `count` more, the first
+    of them one spacing away from the start, at distances that grow slowly. There are few such grids, because an
+    integrator is cached for each of them.
     """
     ramp = _RAMP ** np.arange(-ramps, 0.0)
     spaced = _total(np.arange(1, count + 1))
@@ -64,27 +66,28 @@ def shares(ramps: int, count: int) -> Vector:
 
 @cache
 def even(count: int) -> Vector:
-    """Mesh points that are as far apart, as shares of the time to the last."""
+    """Mesh points at equal distances, as fractions of the time from their start to the last."""
     return np.linspace(0.0, 1.0, count + 1, dtype=np.float64)[1:]
 
 
 def _total(count: NDArray[np.int64]) -> Vector:
-    """How far so many mesh points reach, in spacings."""
+    """The distance of the last of `count` mesh points from their start, in spacings."""
     return np.asarray((_GROWTH**count - 1.0) / (_GROWTH - 1.0), dtype=np.float64)
 
 
 @cache
 def _reaches(most: int) -> tuple[NDArray[np.int64], Vector]:
-    """Numbers of looks, up to so many, and how far each reaches, in spacings."""
+    """Numbers of mesh points, powers of two up to `most`, and how far each reaches, in spacings."""
     counts = _FEWEST * 2 ** np.arange(1 + int(math.log2(most // _FEWEST)))
     return counts, _total(counts)
 
 
 def growing(length: float, first: float, spacing: float, most: int, least: float) -> tuple[float, Vector]:
-    """How far mesh points reach, at most over a length, and their shares of it (`shares`).
+    """How far mesh points reach, at most over a `length` [s], and their fractions of that (`shares`).
 
-    `first` is the first step of the solver, inf where it begins with steps of any length; `least` what mesh points must
-    be apart.
+    `first`: The first step of the solver [s]; inf if it begins with steps of any length.
+    `spacing`, `most`: The distance of mesh points after the ramp [s], and the largest number of them.
+    `least`: The least distance of mesh points [s].
     """
     spacing = max(spacing, least)
     counts, spacings = _reaches(most)
@@ -100,36 +103,35 @@ def growing(length: float, first: float, spacing: float, most: int, least: float
 
 
 def begun(shares: Vector, length: float, first: float) -> float:
-    """The first step with such mesh points: one for each grid that begins with it, else `first`."""
+    """The first step on a grid of mesh points: that of the grid if it is close to `first`, so that few steps differ."""
     own = float(shares[0]) * length / _FIRST
     return own if 0.99 * first <= _RAMP * own <= _RAMP * first else min(first, length)
 
 
 def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:
-    """Mesh points for fixed steps: every other step of those that outputs are apart by, so that they cost no further
-    ones."""
+    """Mesh points for fixed steps, at every other step between two outputs, so that they cost no further steps."""
     first = int(np.searchsorted(outputs, start, side="right"))
-    last = min(int(np.searchsorted(outputs, end)), first + count)  # each is one mesh point at least
+    last = min(int(np.searchsorted(outputs, end)), first + count)  # at least one mesh point for each
     stops = np.append(outputs[first:last], end)
     gaps = np.diff(stops, prepend=start)
     counts = np.maximum(1, np.ceil(gaps / (2.0 * step) - 1e-9)).astype(np.int64)
     reached = np.cumsum(counts)
     kept = int(np.searchsorted(reached, count)) + 1
     stops, gaps, counts, reached = stops[:kept], gaps[:kept], counts[:kept], reached[:kept]
-    place = np.arange(1, int(reached[-1]) + 1) - np.repeat(reached - counts, counts)
-    mesh = np.repeat(stops - gaps, counts) + np.repeat(gaps, counts) * place / np.repeat(counts, counts)
+    index = np.arange(1, int(reached[-1]) + 1) - np.repeat(reached - counts, counts)
+    mesh = np.repeat(stops - gaps, counts) + np.repeat(gaps, counts) * index / np.repeat(counts, counts)
     mesh[reached - 1] = stops
     return np.asarray(mesh[: max(count, 1)])
 
 
 def merged(mesh: Vector, outputs: Vector) -> tuple[Vector, Vector]:
-    """Mesh points, moved onto outputs that are all but there, and both together up to the last one."""
+    """Mesh points, moved onto outputs that almost coincide with them, and both together up to the last mesh point."""
     outputs = outputs[: np.searchsorted(outputs, mesh[-1], side="right")]
     if not len(outputs) or np.array_equal(outputs, mesh):
         return mesh, mesh
-    place = np.clip(np.searchsorted(outputs, mesh), 0, len(outputs) - 1)
-    below = np.maximum(place - 1, 0)
-    near = np.where(np.abs(outputs[place] - mesh) < np.abs(outputs[below] - mesh), outputs[place], outputs[below])
+    above = np.clip(np.searchsorted(outputs, mesh), 0, len(outputs) - 1)
+    below = np.maximum(above - 1, 0)
+    near = np.where(np.abs(outputs[above] - mesh) < np.abs(outputs[below] - mesh), outputs[above], outputs[below])
     gaps = np.diff(mesh, prepend=min(mesh[0], outputs[0]) if len(mesh) == 1 else 2 * mesh[0] - mesh[1])
     close = np.abs(near - mesh) <= 1e-3 * np.abs(gaps)
     close[-1] = False

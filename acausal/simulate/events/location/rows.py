@@ -1,4 +1,4 @@
-"""Columns of values over rows: their slopes, where they are zero, and what rows tell of those between."""
+"""Columns of values over rows: their slopes, their zeros, and values predicted between rows."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 
-# Of the nearest rows, how many tell where a value is zero, and how many tell a value between them.
+# The numbers of nearest rows from which a zero is located, and from which a value is predicted.
 _NODES, _FEW = 8, 4
-# An instant is found where a value is this share of what it is at both ends, and after so many turns at the latest.
-_ZERO, _TURNS = 1e-13, 30
-# A row that is closer than this share of the distance of rows is all but there.
+# A zero is located when the value is this fraction of the larger one at both ends, or after so many iterations.
+_ZERO, _ITERATIONS = 1e-13, 30
+# A row closer than this fraction of the distance between rows almost coincides with an instant.
 _BESIDE = 0.2
 
 
-def nearest(times: Vector, found: Vector) -> NDArray[np.intp]:
-    """Indices of the times, ascending, shape (n,), nearest to the instants `found`, shape (m,)."""
-    k = np.clip(np.searchsorted(times, found), 1, len(times) - 1)
-    return np.asarray(k - (found - times[k - 1] <= times[k] - found))
+def nearest(times: Vector, instants: Vector) -> NDArray[np.intp]:
+    """Indices of the ascending times, shape (n,), that are nearest to each of the instants, shape (m,)."""
+    k = np.clip(np.searchsorted(times, instants), 1, len(times) - 1)
+    return np.asarray(k - (instants - times[k - 1] <= times[k] - instants))
 
 
 def slopes(times: Vector, values: Vector) -> Vector:
-    """Slopes of values at all of their times, by the polynomials through the nearest five; shape of the values."""
+    """Slopes of values at all of their times, of the polynomials through the nearest five; shape of the values."""
     count = min(5, len(times))
     low = np.clip(np.arange(len(times)) - count // 2, 0, len(times) - count)
     near = low[:, None] + np.arange(count)
@@ -35,30 +35,32 @@ def slopes(times: Vector, values: Vector) -> Vector:
     own = np.arange(len(times)) - low
     away = (times[:, None] - times[near]) / scale[:, None]
     away[np.arange(len(times)), own] = 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows after a start may be 1e-15 of the others apart
         weights = np.nan_to_num(inverse[np.arange(len(times)), own][:, None] / inverse / away, posinf=0.0, neginf=0.0)
     weights[np.arange(len(times)), own] = 0.0
     with np.errstate(over="ignore"):
         return np.asarray(np.einsum("nc,nck->nk", weights, values[near] - values[:, None]) / scale[:, None])
 
 
-def told(times: Vector, values: Vector, found: Vector, columns: NDArray[np.int64]) -> Vector:
-    """What cubics through four rows around say of columns of values at some instants, shape (n, 2).
+def predicted(times: Vector, values: Vector, instants: Vector, columns: NDArray[np.int64]) -> Vector:
+    """Values at m instants of the cubics through the four rows around each; shape (m, 2).
 
-    Without a row that is all but there, as it may happen to stand where a function is awake.
+    A row that almost coincides with the instant is not used, because the function may be active just there.
+
+    `values`, `columns`: Two values of k functions at n times, shape (n, 2, k), and the function for each instant.
     """
     if len(times) < _FEW + 1:
-        return np.asarray(values[np.zeros(len(found), dtype=np.int64), :, columns])
-    low = np.clip(nearest(times, found) - _FEW // 2, 0, len(times) - _FEW - 1)
+        return np.asarray(values[np.zeros(len(instants), dtype=np.int64), :, columns])
+    low = np.clip(nearest(times, instants) - _FEW // 2, 0, len(times) - _FEW - 1)
     near = low[:, None] + np.arange(_FEW + 1)
-    away = found[:, None] - times[near]
+    away = instants[:, None] - times[near]
     closest = np.abs(away).min(axis=1)
-    is_there = closest < _BESIDE * (times[near[:, -1]] - times[near[:, 0]]) / _FEW
-    left = np.where(is_there, np.abs(away).argmin(axis=1), np.abs(away).argmax(axis=1))
-    near = near[np.arange(_FEW + 1) != left[:, None]].reshape(-1, _FEW)
+    is_close = closest < _BESIDE * (times[near[:, -1]] - times[near[:, 0]]) / _FEW
+    omitted = np.where(is_close, np.abs(away).argmin(axis=1), np.abs(away).argmax(axis=1))
+    near = near[np.arange(_FEW + 1) != omitted[:, None]].reshape(-1, _FEW)
     nodes = times[near]
     gaps = nodes[:, :, None] - nodes[:, None, :]
-    parts = np.repeat((found[:, None] - nodes)[:, None, :], _FEW, axis=1)
+    parts = np.repeat((instants[:, None] - nodes)[:, None, :], _FEW, axis=1)
     gaps[:, np.arange(_FEW), np.arange(_FEW)] = parts[:, np.arange(_FEW), np.arange(_FEW)] = 1.0
     weights = np.prod(parts / gaps, axis=2)
     return np.asarray(np.einsum("nc,ncs->ns", weights, values[near, :, columns[:, None]]))
@@ -71,11 +73,12 @@ def roots(
     rows: NDArray[np.intp],
     ends: tuple[Vector, Vector] | None = None,
 ) -> Vector:
-    """Where `columns[j]` of values is zero behind `rows[j]`, where it changes its sign; shape of `rows`.
+    """Zeros of `columns[j]` of the values after `rows[j]`, by the Illinois method on interpolants; shape of `rows`.
 
-    Between the row and the next one, or between other `ends`: times, and values there.
+    Values change their sign between the row and the next one, or between other `ends`: each a time and a value there,
+    shape (2, m).
     """
-    if not len(rows):  # as of most pieces: thirty turns over nothing take as long as a short piece
+    if not len(rows):  # as for most pieces: thirty iterations over empty arrays take as long as a short piece
         return np.zeros(0)
     count = min(_NODES, len(times))
     low = np.clip(rows + 1 - count // 2, 0, len(times) - count)
@@ -85,7 +88,7 @@ def roots(
     known = values[near, columns[:, None]]
     gaps = nodes[:, :, None] - nodes[:, None, :]
     gaps[:, np.arange(count), np.arange(count)] = 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):  # rows behind a start are 1e-15 of the others apart
+    with np.errstate(divide="ignore", invalid="ignore"):  # rows after a start may be 1e-15 of the others apart
         weights = known / np.prod(gaps, axis=2)
 
     def at(s: Vector) -> Vector:
@@ -102,14 +105,14 @@ def roots(
         a, b = (a - origin) / width, (b - origin) / width
     small = _ZERO * np.maximum(np.abs(at_a), np.abs(at_b))
     before, done = np.full(len(rows), 2), np.zeros(len(rows), dtype=bool)
-    for _ in range(_TURNS):
+    for _ in range(_ITERATIONS):
         s = np.where(done, s, a + (b - a) * at_a / np.where(at_a == at_b, np.inf, at_a - at_b))
         here = at(s)
         done |= np.abs(here) <= small
         if done.all():
             break
         same = here * at_a > 0.0
-        again = same == before  # what stays for a second time counts half (Illinois)
+        again = same == before  # the value of an end that is retained twice in succession is halved (Illinois)
         a, at_a = np.where(same, s, a), np.where(same, here, np.where(again, 0.5, 1.0) * at_a)
         b, at_b = np.where(same, b, s), np.where(same, np.where(again, 0.5, 1.0) * at_b, here)
         before = same
