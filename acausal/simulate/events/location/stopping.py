@@ -1,11 +1,11 @@
 """Integration up to the first event, by CasADi's one-step methods.
 
-They look at the guards after each step and locate zero crossings on their dense output, but nothing iterates after a
-jump, of two crossings within a step only one fires, and dense output is not as good as the steps. So the transition
-only stops the clock: a state `stopped` becomes 1, all rates are zero from then on, a second state holds the time that
-has passed. The solution is integrated from one output or mesh point to the next, each of them the end of a step; where
-it was stopped, it is integrated once more to that time, and the crossing is searched among such points
-(`bracketing.py`). What happens at the event is decided outside, where the modes are iterated to a fixed point.
+CasADi evaluates the guards after each step and locates zero crossings on its dense output. It does not iterate after a
+jump, executes only one of two crossings within a step, and its dense output is less accurate than the steps. Therefore
+the transition only stops the clock: a state `flag` becomes 1, which makes all rates zero, and another state, `watch`,
+holds the time that has passed. The solution is integrated from one output or mesh point to the next, so that each of
+them is the end of a step. Where it has stopped, it is integrated once more to that time, and the crossing is located
+among such points (`bracketing.py`). The event itself is executed outside, where modes are iterated to a fixed point.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import bounded, islands, pace
 from acausal.simulate.solvers.segment import Piece, Segment
 
-# A mesh point of an interpreted run, with what Python does around it at guards and events, takes as long as so many
-# evaluations: 0.25 ms. The default compiles 4000 switchings on its way, after which they take 10 us each.
-_CALLING = 150.0
-# Integrators that are known by a shorter name than their settings.
+# The cost of a mesh point in an interpreted run, including its guards and events in Python, in evaluations: 0.25 ms. By
+# it a run of 4000 switchings is compiled on its way, after which they take 10 us each.
+_CALL_OVERHEAD = 150.0
+# The most integrators that are cached for one set of equations.
 _MOST_KEPT = 128
-# Mesh points that one interpreted call goes to, and how much longer one of their intervals may be than another.
-_TOGETHER, _ALIKE = 4, 4.0
-# Those of a compiled call: as many as there are rows between two mesh points of a run with 500 rows.
+# Mesh points of one interpreted call, and the largest ratio of the lengths of their intervals.
+_TOGETHER, _MOST_UNEVEN = 4, 4.0
+# Mesh points of a compiled call: as many as there are rows between two mesh points of a run with 500 rows.
 _COMPILED_TOGETHER = 8
-# So often in an interval dense output may see a crossing where the solution has none.
+# Dense output may stop so often in an interval in which the solution has no crossing.
 _MOST_STOPS = 20
-# A guard within its noise should be passed by now when its rate would have taken it so many times as far.
+# A guard within its noise is overdue if its rate would have taken it so many times as far as zero.
 _OVERDUE = 10.0
-# The instant at which it came there is known to this share: it is the root of the noise that makes it vague.
-_CLOSE = 1e-9
-# A guard that starts behind zero is above this many times its distance.
-_BEHIND = 1.001
-# Added to a guard that is not to stop anything.
+# The instant at which a guard has come within its noise is located to this fraction: the noise makes it vague anyway.
+_ENTRY_ACCURACY = 1e-9
+# A guard that starts below zero may fall to this multiple of its initial value.
+_ALLOWANCE = 1.001
+# Added to guards that must not stop the integration.
 _NEVER = 1e300
 Exactly = Callable[[Node, float], Node]
 _COUNTED = ("steps", "n_steps"), ("rhs_evaluations", "n_rhs"), ("jacobians", "n_jac"), ("rejected", "n_reject")
@@ -64,7 +64,10 @@ _NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """Rows before the event (or all), and where it stopped; `time` is None when nothing fired."""
+    """The rows before an event, and the states and algebraic variables at its `time`.
+
+    Without an event, `time` is None, and the rows are those of the whole segment.
+    """
 
     piece: Piece
     times: Vector
@@ -75,19 +78,19 @@ class Stop:
 
 @dataclass
 class Lingering:
-    """Guards of a run that are within their noise and fall, and yet are not passed.
+    """Guards of a run that are within their noise and falling, but are never passed.
 
-    A tank that drains by the root of its level runs into zero at a rate that is zero there. What an explicit method
-    makes of it stays above zero for ever, by less than the tolerance: each step falls as far as the last one rose.
+    A tank that drains with the square root of its level reaches zero with the rate zero. The solution of an explicit
+    method stays above zero for ever, by less than the tolerance: each step falls as far as the last one rose.
     """
 
     since: dict[int, tuple[float, float]] = field(default_factory=dict)
-    """Of a relation the time from which on it is so, and how far it was from zero."""
+    """For each such relation, the time at which it began to linger [s], and its distance from zero."""
     events: dict[int, int] = field(default_factory=dict)
-    """How many events of a relation were made of it."""
+    """For each relation, the number of events that were made because it lingered."""
 
     def overdue(self, owners: Sequence[tuple[int, int]], before: Node, node: Node) -> int | None:
-        """The guard that has been there for too long, of those that are judged at the end of a step."""
+        """The index of a guard that has lingered for too long at `node`, the end of a step; None if there is none."""
         close = (node.above <= node.near / LOCATED) & (node.above > 0.0) & (node.rate < 0.0)
         if not self.since and not close.any():
             return None
@@ -110,11 +113,11 @@ class Lingering:
 def _overdue(
     lingering: Lingering, owners: Sequence[tuple[int, int]], nodes: list[Node], last: bool, exactly: Exactly
 ) -> Node | None:
-    """Where a guard came within its noise that is overdue at the last of these nodes; they end before it then."""
+    """Where a guard came within its noise that is overdue at the last node; removes this and later nodes."""
     node = nodes[-1]
     k = lingering.overdue(owners, nodes[-2], node)
     if k is None and last:
-        # nothing follows that would show it
+        # no further node will show that it is overdue
         for k in (j for j, (relation, _) in enumerate(owners) if lingering.since.get(relation, (0.0,))[0] == node.t):
             if -node.rate[k] * (node.t - nodes[-2].t) > _OVERDUE * node.above[k]:
                 first = _entered(nodes[-2], node, k, exactly)
@@ -130,7 +133,7 @@ def _overdue(
     j = len(nodes) - 1
     while j and nodes[j - 1].above[k] <= nodes[j - 1].near[k] / LOCATED:
         j -= 1
-    if j == 0:  # it came there before this stretch
+    if j == 0:  # it came within its noise before this stretch
         return nodes.pop()
     found = _entered(nodes[j - 1], nodes[j], k, exactly)
     del nodes[j:]
@@ -138,15 +141,18 @@ def _overdue(
 
 
 def _entered(left: Node, right: Node, k: int, exactly: Exactly) -> Node:
-    """Where a guard has come within its noise between two nodes."""
-    while right.t - left.t > _CLOSE * right.t and left.t < (middle := 0.5 * (left.t + right.t)) < right.t:
+    """The node at which guard `k` comes within its noise between two nodes, by bisection."""
+    while right.t - left.t > _ENTRY_ACCURACY * right.t and left.t < (middle := 0.5 * (left.t + right.t)) < right.t:
         node = exactly(left, middle)
         left, right = (left, node) if node.above[k] <= node.near[k] / LOCATED else (node, right)
     return right
 
 
-class _Coming(NamedTuple):
-    """What comes next: a node, None for a stop on the way to it; whether no guard is in doubt before it, or lingers."""
+class _Upcoming(NamedTuple):
+    """The next node, or None if the solver has stopped on the way to it.
+
+    `is_quiet`: No guard may be passed before it (`bracketing.is_clear`), and none lingers.
+    """
 
     time: float
     node: Node | None
@@ -154,10 +160,9 @@ class _Coming(NamedTuple):
 
 
 class _Nodes:
-    """The nodes of one segment: ends of steps, with what is left of its guards there.
+    """Integrates from node to node of one segment: ends of steps, with the guards there.
 
-    A guard may go as far as `band` below zero up to the first of the segment's times, and from then on as far as
-    `later`.
+    Guards may be below zero by `band` up to the first of the segment's times, and by `later` from then on.
     """
 
     def __init__(self, guards: Guards, moment: Moment, segment: Segment, plugin: str) -> None:
@@ -168,71 +173,76 @@ class _Nodes:
         self.band, self.later = _bands(guards, segment.start, distances, rates, noises)
         self.before, self._others = guards.step, segment.x[n:]
         first = Node(segment.start, segment.x[:n], distances + self.band, rates, LOCATED * noises)
-        self.first = replace(first, above=np.maximum(first.above, self.band))  # past its guard by noise counts as on it
+        self.first = replace(first, above=np.maximum(first.above, self.band))  # below zero by noise counts as zero
 
     def _judged(self, times: Vector, x: Vector) -> tuple[Vector, Vector, Vector]:
         """Distances, rates and what counts as zero at ends of steps, shapes (n, guards)."""
-        if self.plugin == "rosenbrock":  # errors that an explicit step leaves have not relaxed
-            took = pace(self.segment.start, float(times[-1]), self.step.counters)
-            self.guards.step = least_step(self.before, took)
-        whole = np.hstack([x, np.tile(self._others, (len(x), 1))]) if len(self._others) else x
-        distances, rates, noises = self.guards.states(times, whole, self.moment)
+        if self.plugin == "rosenbrock":  # an explicit step does not relax errors
+            mean_step = pace(self.segment.start, float(times[-1]), self.step.counters)
+            self.guards.step = least_step(self.before, mean_step)
+        states = np.hstack([x, np.tile(self._others, (len(x), 1))]) if len(self._others) else x
+        distances, rates, noises = self.guards.states(times, states, self.moment)
         return distances, rates, LOCATED * noises
 
     def exactly(self, after: Node, t: float) -> Node:
-        """The node at a time after another, whatever guards are passed on the way."""
+        """The node at time `t` after another one, even if guards are passed on the way."""
         if t <= after.t:
             return after
         ((_, x),) = self.step(after, [t], np.full((1, len(self.band)), _NEVER))
         distances, rates, nears = self._judged(np.array([t]), x[None, :])
         return Node(t, x, distances[0] + self.band, rates[0], nears[0])
 
-    def ahead(self, after: Node, ends: list[float]) -> list[_Coming]:
+    def ahead(self, after: Node, ends: list[float]) -> list[_Upcoming]:
         """The nodes at the next few ends, or up to a stop before one of them."""
-        # compiled code has one band for all of them
+        # compiled code takes the same band for all of them
         alone = self.step.library is not None and self.band is not self.later
         count = 1 if alone else self.step.together(after.t, ends)
         if count > 1 and (after.above + after.rate * (ends[count - 1] - after.t) < 0.0).any():
-            count = 1  # a guard is about to be reached: nothing is gained by going on behind the stop
+            count = 1  # a guard is about to be reached, and nodes after the stop would be wasted
         bands = np.empty((count, len(self.band)))
         bands[0], bands[1:] = self.band, self.later
         points = self.step(after, ends[:count], bands)
-        stop = [_Coming(points[-1][0], None, False)] if points[-1][0] < ends[len(points) - 1] else []
+        stop = [_Upcoming(points[-1][0], None, False)] if points[-1][0] < ends[len(points) - 1] else []
         count = len(points) - len(stop)
         if not count:
             return stop
         t, x = (np.array(v) for v in zip(*points[:count], strict=True))
         distances, rates, nears = self._judged(t, x)
-        # in an interval, and in the one behind it
+        # with the bands of each interval, and of the next one
         right, left = distances + bands[:count], np.vstack([after.above, distances + self.later])
         before = np.vstack([after.rate, rates[:-1]]), np.vstack([after.near, nears[:-1]])
-        quiet = is_clear(np.diff(t, prepend=after.t), (left[:-1], *before), (right, rates, nears))
-        quiet &= ~((left[1:] <= nears / LOCATED) & (left[1:] > 0.0) & (rates < 0.0)).any(axis=1)
+        is_quiet = is_clear(np.diff(t, prepend=after.t), (left[:-1], *before), (right, rates, nears))
+        is_quiet &= ~((left[1:] <= nears / LOCATED) & (left[1:] > 0.0) & (rates < 0.0)).any(axis=1)
         nodes = (Node(*each) for each in zip(ends, x, right, rates, nears, strict=False))
-        return [*map(_Coming, ends, nodes, quiet.tolist()), *stop]
+        return [*map(_Upcoming, ends, nodes, is_quiet.tolist()), *stop]
 
-    def loosened(self, node: Node) -> Node:
-        """A node as the intervals behind the first time see it."""
+    def after_first_time(self, node: Node) -> Node:
+        """A node with the bands that hold after the first of the segment's times."""
         if self.band is not self.later:
             node = replace(node, above=node.above - self.band + self.later)
             self.band = self.later
         return node
 
-    def crossing(self, here: Node, coming: _Coming, end: float, instant: float, stops: int) -> tuple[Node, Node | None]:
-        """The node that comes next on the way to `end`, and the event before it or there.
+    def crossing(
+        self, here: Node, upcoming: _Upcoming, end: float, instant: float, stops: int
+    ) -> tuple[Node, Node | None]:
+        """The next node on the way to `end`, and the node of an event before it or at it, if any.
 
-        `stops` is how often dense output has seen a crossing on the way.
+        `instant`: Two times coincide if they are no farther apart [s].
+        `stops`: How often dense output has shown a crossing on the way.
         """
-        t, reached, is_quiet = coming
+        t, reached, is_quiet = upcoming
         if reached is not None:
             there = reached
-        else:  # something was reached on dense output: whether it is, a step that ends there shows
+        else:  # a guard was passed on dense output; a step that ends there shows whether it is passed
             there = self.exactly(here, t if t - here.t > instant and stops < _MOST_STOPS else end)
         event = None if is_quiet else first_crossing(here, there, instant, self.exactly)
         if event is None and there.t < end and ((there.above <= there.near) & (there.rate < 0.0)).any():
             event = there
         last = min(self.step.end, end)
-        if event is None and reached is None and there.t < last:  # at its end it says so, too
+        if (
+            event is None and reached is None and there.t < last
+        ):  # the end of the step in which dense output has shown it
             here, there = there, self.exactly(there, last)
             event = first_crossing(here, there, instant, self.exactly)
         return there, event
@@ -241,92 +251,92 @@ class _Nodes:
 def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin: str, lingering: Lingering) -> Stop:
     """Integrate one segment of an ODE until a guard is reached, with `plugin`, "rosenbrock" or "erk".
 
-    Raises RuntimeError when the solver cannot go on.
+    Raises RuntimeError if the solver cannot continue.
     """
     problem, ends = moment.regime.problem, segment.times.tolist()
     instants = located(guards.span, segment.times).tolist()
-    found = _Nodes(guards, moment, segment, plugin)
-    here, nodes = found.first, [found.first]
+    solution = _Nodes(guards, moment, segment, plugin)
+    here, nodes = solution.first, [solution.first]
     event: Node | None = None
-    coming: list[_Coming] = []
+    upcoming: list[_Upcoming] = []
     try:
-        for place, (end, instant) in enumerate(zip(ends, instants, strict=True)):
+        for index, (end, instant) in enumerate(zip(ends, instants, strict=True)):
             stops, is_quiet = 0, False
             while event is None and here.t < end:
-                coming = coming or found.ahead(here, ends[place:])
-                first = coming.pop(0)
+                upcoming = upcoming or solution.ahead(here, ends[index:])
+                first = upcoming.pop(0)
                 stops, is_quiet = stops + (first.node is None), first.is_quiet
-                there, event = found.crossing(here, first, end, instant, stops)
+                there, event = solution.crossing(here, first, end, instant, stops)
                 here = there if event is None else event
             if event is not None and end == segment.times[-1] and end - event.t <= instant / LOCATED:
-                # it belongs to the event at the end, or is found where the next stretch starts
+                # it counts as an event of the end, or is found where the next stretch starts
                 here, event = replace(event, t=end), None
             if event is not None:
                 break
-            here = found.loosened(here)
+            here = solution.after_first_time(here)
             nodes.append(here)
             if is_quiet and not lingering.since:
                 continue
             owners = moment.regime.active_set.owners
-            event = _overdue(lingering, owners, nodes, end == segment.times[-1], found.exactly)
+            event = _overdue(lingering, owners, nodes, end == segment.times[-1], solution.exactly)
             if event is not None:
                 here = event
                 break
     except Interrupted as stop:
         rows = [n.x for n in nodes[1:]]
-        stop.got = _stop(problem, segment, rows, None, rows[-1], found.step.counters) if rows else None
+        stop.got = _stop(problem, segment, rows, None, rows[-1], solution.step.counters) if rows else None
         raise
     finally:
-        problem.native.interpreted(f"{plugin}, events", found.step.interpreted)
-        guards.step = found.before
-    return _stop(problem, segment, [n.x for n in nodes[1:]], event, here.x, found.step.counters)
+        problem.native.interpreted(f"{plugin}, events", solution.step.interpreted)
+        guards.step = solution.before
+    return _stop(problem, segment, [n.x for n in nodes[1:]], event, here.x, solution.step.counters)
 
 
 def least_step(before: float, here: float) -> float:
-    """The step over which errors have relaxed, by those of the stretch before and of this one as far as it has come."""
+    """The step over which errors have relaxed: the smaller one of the previous stretch and of this one so far [s]."""
     return min(before, here) if before and here else before or here
 
 
 def _stop(
     problem: Problem, segment: Segment, rows: list[Vector], event: Node | None, last: Vector, counters: dict[str, float]
 ) -> Stop:
-    """What was solved, with all states."""
+    """The rows that were solved, completed with quadratures and discrete variables."""
     times = segment.times[: len(rows)]
     time = None if event is None else event.t
-    if time is not None and len(times):  # an event on an output time, to rounding
+    if time is not None and len(times):  # an event at an output time up to rounding errors
         time = max(time, float(times[-1]))
     x = np.array(rows).reshape(-1, problem.n_dynamic).T
     ends = times if time is None else np.append(times, time)
-    apart = islands(problem, replace(segment, times=ends))
+    quadratures = islands(problem, replace(segment, times=ends))
     discrete = segment.x[len(segment.x) - problem.compiled.discretes :]
-    whole = np.vstack([x, apart[:, : len(times)], np.tile(discrete[:, None], (1, len(times)))])
-    piece = Piece(whole, np.zeros((0, len(times))), counters)
-    return Stop(piece, times, time, np.concatenate([last, apart[:, -1], discrete]), np.zeros(0))
+    states = np.vstack([x, quadratures[:, : len(times)], np.tile(discrete[:, None], (1, len(times)))])
+    piece = Piece(states, np.zeros((0, len(times))), counters)
+    return Stop(piece, times, time, np.concatenate([last, quadratures[:, -1], discrete]), np.zeros(0))
 
 
 def _bands(guards: Guards, t: float, g: Vector, rate: Vector, noise: Vector) -> tuple[Vector, Vector]:
-    """How far below zero each guard may go up to the first mesh point, and from then on.
+    """How far below zero each guard may be up to the first mesh point, and from then on; shapes (guards,).
 
-    The noise where it rests; where it starts behind zero by rounding and leaves, as far as it is, and no farther when
-    it comes back: it would be found there again, and farther behind with every hop.
+    By the noise if it rests there. If it starts below zero because of rounding errors and rises, by its distance, but
+    not when it comes back: the event would be late by that, and with every hop by more.
     """
     resting = resting_band(g, rate, noise)
-    behind = (resting == 0.0) & guards.behind(t, g, rate, noise)
-    return np.where(behind, np.maximum(-_BEHIND * g, resting), resting), resting
+    below = (resting == 0.0) & guards.behind(t, g, rate, noise)
+    return np.where(below, np.maximum(-_ALLOWANCE * g, resting), resting), resting
 
 
 class Stepper:
-    """One integrator for any intervals of a stretch; it counts what was done."""
+    """Integrates any intervals of a stretch, compiled or interpreted, and counts the work."""
 
     def __init__(self, regime: Regime, segment: Segment, plugin: str) -> None:
         self.regime, self.segment, self.plugin = regime, segment, plugin
         self.library = compiled_program(regime, segment, plugin)
         self.first = segment.first
         self.end = math.inf
-        """Where the step ends in which dense output has passed a guard; a guess in interpreted runs."""
+        """The end of the step in which dense output has passed a guard [s]; a guess in interpreted runs."""
         self._stops = 0
         self.counters: dict[str, float] = {}
-        # but for the time at which an interval begins, which comes last
+        # the last number is the start of an interval, which is set before each call
         self._numbers = regime.problem.numbers(segment.p, segment.x, segment.start)
         self.interpreted = 0.0
         self._integrators: dict[tuple[float, ...], Kept] = {}
@@ -336,21 +346,23 @@ class Stepper:
             self._constants = regime.constants(self.library)
 
     def together(self, here: float, ends: Sequence[float]) -> int:
-        """How many of these times, from the first one on, one call goes to."""
+        """How many of these times one call integrates to."""
         if self.segment.step or len(ends) < (_TOGETHER if self.library is None else 2):
             return 1
-        if self.library is not None:  # it proves its rows inside of steps (`native/rows.c`)
+        if self.library is not None:  # it checks rows inside of steps by itself (`native/rows.c`)
             return min(len(ends), _COMPILED_TOGETHER)
         ends = ends[:_TOGETHER]
         lengths = [b - a for a, b in zip((here, *ends), ends, strict=False)]
-        return _TOGETHER if max(lengths) <= _ALIKE * min(lengths) else 1
+        return _TOGETHER if max(lengths) <= _MOST_UNEVEN * min(lengths) else 1
 
     def __call__(self, after: Node, ends: Sequence[float], bands: Vector) -> list[tuple[float, Vector]]:
-        """Where the solution is at these times, `together` many: the times, and the states.
+        """Integrate to `together` many times; the times, and the dynamic states there.
 
-        Where a guard is one of the `bands` below zero, shape (times, guards), the last of them is the time of that.
+        If a guard falls below zero by more than its band, the last of them is the time of that.
 
-        Raises RuntimeError when the solver cannot go on.
+        Raises RuntimeError if the solver cannot continue.
+
+        `bands`: How far below zero guards may be in each interval; shape (times, guards).
         """
         problem, segment = self.regime.problem, self.segment
         n = problem.n_dynamic
@@ -373,7 +385,7 @@ class Stepper:
         for name, place in _COUNTED:
             self.counters[name] = self.counters.get(name, 0.0) + float(stats[place])
         states = rows[:, :n] * problem.scale_x
-        if rows[-1, n + 1] > 0.5:  # and stood still from then on
+        if rows[-1, n + 1] > 0.5:  # stopped by a guard
             k = int(np.argmax(rows[:, n + 1] > 0.5))
             start = ends[k - 1] if k else after.t
             passed = float(rows[k, n] - rows[k - 1, n]) if k else float(rows[k, n])
@@ -386,7 +398,7 @@ class Stepper:
         return list(zip(ends, states, strict=True))
 
     def _interpreted(self, x0: Vector, times: Vector, bands: Vector) -> tuple[Vector, dict[str, Any]]:
-        """By an integrator with intervals of length 1, one for each power of four of its first step."""
+        """Integrate intervals of length 1 with a cached integrator, one for each power of four of the first step."""
         lengths = np.diff(times)
         bounds = [
             0.0 if bound is None else 1.0 / max(1, math.ceil(float(lengths.max()) / bound - 1e-9))
@@ -403,38 +415,37 @@ class Stepper:
             np.column_stack([np.arange(0.0, len(lengths)), times[:-1], lengths, bands]),
         )
         (found,), stats = self._integrators[key]({"x0": x0, "p": p, "u": u}, ("xf",))
-        self.interpreted += float(stats["n_rhs"]) + _CALLING * len(lengths)
+        self.interpreted += float(stats["n_rhs"]) + _CALL_OVERHEAD * len(lengths)
         return found, stats
 
     def _kept(self, key: tuple[float, ...]) -> Kept:
-        """The integrator for these sizes, made for all runs of a thread."""
-        asked = self.segment
-        whole = self.plugin, asked.tolerances, asked.most_steps, *key, threading.get_ident()
-        known = self._own.integrators
-        if whole not in known:
-            if len(known) >= _MOST_KEPT:
-                known.clear()
+        """The integrator for these step sizes, shared by all runs of a thread."""
+        segment = self.segment
+        settings = self.plugin, segment.tolerances, segment.most_steps, *key, threading.get_ident()
+        cached = self._own.integrators
+        if settings not in cached:
+            if len(cached) >= _MOST_KEPT:
+                cached.clear()
             sizes: dict[str, float] = dict(zip(("step0", "step_size", "max_step_size"), key[1:], strict=True))
-            known[whole] = self._made(np.arange(1.0, key[0] + 1.0), sizes)
-        return known[whole]
+            cached[settings] = self._made(np.arange(1.0, key[0] + 1.0), sizes)
+        return cached[settings]
 
     def _made(self, ends: Vector, sizes: dict[str, float]) -> Kept:
         settings: dict[str, Any] = {
             **_settings(self.segment),
-            # few different ones, as each makes another integrator
+            # few different values, as each needs an integrator of its own
             "max_num_steps": 20_000 * 4 ** max(0, math.ceil(math.log(self.segment.most_steps / 20_000, 4.0))),
         }
         settings = {k: v for k, v in settings.items() if k not in sizes} | {k: v for k, v in sizes.items() if v > 0.0}
-        with contextlib.redirect_stderr(
-            io.StringIO()
-        ):  # CasADi says at every construction that events are experimental
+        # CasADi warns at every construction that events are experimental
+        with contextlib.redirect_stderr(io.StringIO()):
             return self._form.integrator(
                 self.plugin, self._own.dae, ends, {**settings, "transition": self._own.transition}
             )
 
 
 def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[EventLoopProgram] | None:
-    """The integrator of a regime as compiled C, where there is one or it pays to make one."""
+    """The integrator of a regime as compiled C, if it is compiled already or compilation pays; otherwise None."""
     problem = regime.problem
 
     def instructions() -> int:
@@ -457,7 +468,7 @@ def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[E
 
 
 def _steep_search(regime: Regime) -> tuple[Any, ...]:
-    """What the compiled event loop examines between the ends of steps, where there is something steep."""
+    """The function by which the compiled event loop searches steps for steep functions, if there are any."""
     known = steep_arguments(regime.compiled)
     return () if known is None else (known.along(),)
 
@@ -478,8 +489,8 @@ def _settings(segment: Segment) -> dict[str, Any]:
 class _Interpreted:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
 
-    Its time is `stretched` (`stopping_equations`), its parameters are `[c, m, d]`; c is what parameters and inputs
-    alone determine, and empty where they are numbers. A step ends where the controls of an interval do.
+    Its time is `stretched` (`stopping_equations`), its parameters are `[c, m, d]`, where c depends on parameters and
+    inputs alone, and is empty if these are numbers. A step ends where the controls of an interval change.
     """
 
     dae: Any
@@ -492,9 +503,9 @@ _MADE: WeakKeyDictionary[ScaledEquations, _Interpreted] = WeakKeyDictionary()
 
 
 def _interpreted(regime: Regime) -> tuple[ScaledEquations, _Interpreted, Vector]:
-    """The form of the equations that is used, what is made of it, and its c.
+    """The scaled equations of a regime, the functions derived from them, and their constants c.
 
-    Equations of held relations have forms of their own, so these tell regimes apart.
+    Regimes that hold relations have scaled equations of their own, so these serve as keys.
     """
     problem = regime.problem
     form = problem.scaled
@@ -519,11 +530,12 @@ def stopping_equations(
 ) -> StoppingEquations:
     """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
 
-    The parameters of the DAE are `[h, shift, band]`, where h is what `[c, m, d]` alone determine, c as in
-    `native/equations.py`; "judged" is `(t, x, h, errors of x) -> (g, dg/dt, noise)` of all guards. Where the DAE is
-    `stretched`, its parameters are `[c, m, d]`, intervals of its time have the length 1, and each has controls of its
-    own: where it begins, there and in the time of the model, its length there, and the bands. With `values` of p and u
-    these are numbers and c is empty; parameters at `zeros` are zero whatever p holds.
+    The parameters of the DAE are `[h, shift, band]`, where h depends on `[c, m, d]` alone, with c as in
+    `native/equations.py`. "judged" is `(t, x, h, errors of x) -> (g, dg/dt, noise)` of all guards.
+
+    If the DAE is `stretched`, its parameters are `[c, m, d]`, and intervals of its time have the length 1. Each has
+    controls of its own: its start in that time and in the time of the model, its length in the latter, and the bands.
+    With `values` of p and u, these are numbers, and c is empty. Parameters at `zeros` are zero regardless of p.
     """
     compiled = regime.compiled
     n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
@@ -533,11 +545,11 @@ def stopping_equations(
     p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
     numbers = ca.SX.sym("numbers", nm + compiled.discretes + 1)
     m, d, shift = ca.vertsplit(numbers, [0, nm, nm + compiled.discretes, nm + compiled.discretes + 1])
-    some = ca.SX(p)
+    with_zeros = ca.SX(p)
     for k in zeros:
-        some[k] = 0
+        with_zeros[k] = 0
     time = shift + (t - origin) * length if stretched else t + shift
-    given = (u, some) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
+    given = (u, with_zeros) if values is None else (ca.SX(values[1]), ca.SX(values[0]))
     arguments = (time, ca.vertcat(x * scale, ca.SX(nq, 1), d), z, *given, m)
     ode, guards = ca.densify(compiled.rhs(*arguments)[0])[:n] / scale, ca.densify(regime.active_set.watch(*arguments))
     band = ca.SX.sym("band", guards.numel())
@@ -551,7 +563,7 @@ def stopping_equations(
     judged = [ca.densify(e) for e in (regime.active_set.watch(*here), *rates)]
     shared: Any = ca.cse([ode, guards, *judged])
     (ode, guards, *judged), symbols, constants = parametric(shared, p, u)
-    # most of the equations of clutches are about modes
+    # once more with modes as parameters: most equations of clutches depend on nothing else
     parameters, none = ca.vertcat(symbols, m, d), ca.SX(0, 1)
     shared = ca.cse([ode, guards, *judged])
     (ode, guards, *judged), kept, held = parametric(shared, parameters, none, HELD)
@@ -563,12 +575,12 @@ def stopping_equations(
 
 
 def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[Any, Any]:
-    """Equations of `(t, x, z, p, u)` with a stop watch of this `speed` and a stop flag, and what sets the flag."""
+    """The DAE of `(t, x, z, p, u)` with a stop watch of this `speed` and a stop flag, and its transition."""
     t, x, z, p, u = inputs
     watch, flag, none = ca.SX.sym("watch"), ca.SX.sym("flag"), ca.SX(0, 1)
     state = ca.vertcat(x, watch, flag)
     rates = ca.vertcat((1 - flag) * speed * ode, (1 - flag) * speed, 0)
-    # once it stands still nothing fires any more: several guards that are reached at one instant would, one by one
+    # no guard fires once it has stopped: several that are reached at one instant would, one after the other
     results = [rates, none, none, ca.densify(zero + _NEVER * flag)]
     dae = ca.Function("dae", [t, state, z, p, u], results, *_NAMES, {"cse": True})
     own = {"index": ca.SX.sym("index"), "t": t, "x": state, "z": z, "p": p, "u": u}
