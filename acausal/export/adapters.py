@@ -19,12 +19,11 @@ from acausal.lower.casadi_model import CasadiModel, Ports
 
 @dataclass(frozen=True, eq=False)
 class AcadosModel:
-    """The fields of acados' `AcadosModel`, as SX; `vars(shape)` is what its `setattr` takes.
+    """The fields of acados' `AcadosModel`, as SX; copy each item of `vars()` of this object to it by `setattr`.
 
     `f_expl_expr` is None for a model with algebraic variables, which acados integrates by IRK only. Limits and
     parameter values are not included: use `model.u.min`, ... for the constraints of an `AcadosOcp`, and `model.p.start`
-    for its
-    `parameter_values`.
+    for its `parameter_values`.
     """
 
     name: str
@@ -76,8 +75,8 @@ def do_mpc_model(model: CasadiModel, variables: Any) -> Any:
     for kind, ports in (("_x", model.x), ("_z", model.z), ("_u", model.u), ("_p", model.p)):
         names = identifiers(ports)
         if taken.intersection(names):
-            both = ", ".join(sorted(taken.intersection(names)))
-            raise ExportError("AC614", f"{model.name}: {both} would stand for two variables in do-mpc")
+            clashes = ", ".join(sorted(taken.intersection(names)))
+            raise ExportError("AC614", f"{model.name}: {clashes} would stand for two variables in do-mpc")
         taken.update(names)
         columns.append(ca.vertcat(ca.SX(0, 1), *(variables.set_variable(kind, name) for name in names)))
     ode, alg, y = model.dae(*columns)
@@ -105,7 +104,7 @@ def do_mpc_limits(model: CasadiModel, controller: Any) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Variables declared by `rockit_stage`: columns in the order of the model, and `stage["mass.s"]` by name."""
+    """Variables declared by `rockit_stage`: vectors in the order of the model, and single ones as `stage["mass.s"]`."""
 
     x: Any
     z: Any
@@ -128,11 +127,11 @@ def rockit_stage(model: CasadiModel, ocp: Any) -> Stage:
     Raises ExportError: AC614 for a model with events.
     """
     _refuse(model, "rockit", timed=True)
-    makers = {"x": ocp.state, "z": ocp.algebraic, "u": ocp.control}
+    constructors = {"x": ocp.state, "z": ocp.algebraic, "u": ocp.control}
     columns: dict[str, Any] = {}
-    for v, make in makers.items():
+    for v, construct in constructors.items():
         ports: Ports = getattr(model, v)
-        columns[v] = make(len(ports), scale=ca.DM(ports.nominal)) if ports else ca.MX(0, 1)
+        columns[v] = construct(len(ports), scale=ca.DM(ports.nominal)) if ports else ca.MX(0, 1)
     columns["p"] = ocp.parameter(len(model.p)) if len(model.p) else ca.MX(0, 1)
     if len(model.p):
         ocp.set_value(columns["p"], model.p.start)
@@ -156,12 +155,12 @@ def identifiers(ports: Ports) -> list[str]:
 
 
 def _refuse(model: CasadiModel, package: str, timed: bool = False) -> None:
-    reasons: Sequence[tuple[bool, str]] = (
+    unsupported: Sequence[tuple[bool, str]] = (
         (model.events is not None, "what happens at its events"),
         (not model.autonomous and not timed, "the time, on which it depends"),
     )
-    for holds, what in reasons:
-        if holds:
+    for is_present, what in unsupported:
+        if is_present:
             raise ExportError(
                 "AC614",
                 f"{package} has no place for {what}: {model.name}",

@@ -1,6 +1,6 @@
-"""Features that each exported form of a model supports: delays, and events.
+"""The features (delays, events, ends of runs) that each exported form of a model supports.
 
-A form refuses a model whose values depend on an unsupported feature; harmless omissions become notes.
+A form refuses a model whose values depend on a feature that it lacks. An omission that changes no value becomes a note.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acausal.simulate.events.resets.constrained import bound
 
 @dataclass(frozen=True)
 class Form:
-    """An exported form: its name, whether it includes events, whether it includes ends of runs, and alternatives."""
+    """An exported form: its name, whether it supports events and `terminate`, and what to use instead of it."""
 
     name: str
     events: bool
@@ -46,12 +46,12 @@ SENSITIVITIES = Form("sensitivities", events=True, ends=True)
 
 
 def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tuple[str, ...]:
-    """Notes on what the form leaves out of this model.
+    """Return notes on what the form leaves out of this model, or refuse the model.
 
     Raises UsageError: AC035 for a model with delays, AC027 for one whose contacts change its equations.
-    Raises ExportError: AC608 when `when`s or discrete equations change variables that the rates or the outputs depend
-    on, and the form has no events; or when a `when` resets a state of a stabilised constraint, which others then
-    follow.
+    Raises ExportError: AC608 when the form does not support events and `when`s or discrete equations change variables
+    that the rates or the outputs depend on; or when a `when` resets a state that a stabilised constraint couples to
+    others.
     """
     compiled = compiled.unchanging(form.name)
     refuse_delays(compiled.flat, form.name, PADE)
@@ -63,19 +63,21 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
         ends = (c for c in events.clauses if c.terminate is not None)
         notes += [f"{name} does not end the run: {c.text} ({c.where})" for c in ends]
         notes += [f"{name} does not check the assertion: {a.message} ({a.where})" for a in events.asserts]
-        led = (compiled.solution.structure.reduced.name(v) for v in switched_dependents(compiled.solution))
-        notes += [f"{name} does not check for jumps of {v}, whose constraint changes at events (AC507)" for v in led]
+        constrained = (compiled.solution.structure.reduced.name(v) for v in switched_dependents(compiled.solution))
+        notes += [
+            f"{name} does not check for jumps of {v}, whose constraint changes at events (AC507)" for v in constrained
+        ]
     return tuple(notes)
 
 
 def _refuse_followers(compiled: CompiledModel, form: Form) -> None:
-    """Refuse `reset`s of states in stabilised constraints: only a run lets other states follow them."""
+    """Refuse `reset`s of states in stabilised constraints: only a run adjusts the other states to them."""
     clauses = compiled.state_events.clauses
-    places = bound(compiled, {place for c in clauses for place, _ in c.actions})
-    if not places:
+    states = bound(compiled, {position for c in clauses for position, _ in c.actions})
+    if not states:
         return
-    acting = [c for c in clauses if {place for place, _ in c.actions} & set(places)]
-    names = [compiled.states[k] for k in places]
+    acting = [c for c in clauses if {position for position, _ in c.actions} & set(states)]
+    names = [compiled.states[k] for k in states]
     raise ExportError(
         "AC608",
         f"{form.name} does not take {compiled.name}: events reset {', '.join(names[:4])}, which a constraint binds",
@@ -87,7 +89,7 @@ def _refuse_followers(compiled: CompiledModel, form: Form) -> None:
 
 
 def _refuse_events(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> list[str]:
-    """Notes on discrete variables that nothing depends on; ExportError AC608 if events change anything else."""
+    """Return notes on discrete variables that nothing depends on; ExportError AC608 if events change anything else."""
     events = compiled.state_events
     actions: list[tuple[Clause | Assignment, list[int]]] = [
         *((c, [position for position, _ in c.actions]) for c in events.clauses if c.actions),
@@ -99,26 +101,26 @@ def _refuse_events(compiled: CompiledModel, form: Form, outputs: Sequence[Output
     structure = compiled.solution.structure
     image = structure.reduced.image
     rates = structure.rates(compiled.state_variables[:first])
-    inside = _discrete(compiled, [*rates, *compiled.solution.residuals])
-    shown = _discrete(compiled, [image[output.scalar] for output in outputs])
-    lost = [(act, k) for act, at in actions for k in at if k < first or k in inside | shown]
+    in_rates = _discrete(compiled, [*rates, *compiled.solution.residuals])
+    in_outputs = _discrete(compiled, [image[output.scalar] for output in outputs])
+    lost = [(act, k) for act, at in actions for k in at if k < first or k in in_rates | in_outputs]
     if not lost:
         return [f"{compiled.states[k]} keeps its value: {act.text}" for act, at in actions for k in at]
     names = list(dict.fromkeys(compiled.states[k] for _, k in lost))
-    only_shown = all(k >= first and k not in inside for _, k in lost)
+    only_in_outputs = all(k >= first and k not in in_rates for _, k in lost)
     raise ExportError(
         "AC608",
         f"{form.name} does not take {compiled.name}: events change {', '.join(names[:4])}"
         f"{' and more' if len(names) > 4 else ''}",
         where=tuple(dict.fromkeys(act.where for act, _ in lost if isinstance(act, Clause)))[:2],
         evidence=list(dict.fromkeys(act.text for act, _ in lost))[:4],
-        cause="what `when`s and discrete equations do at an event is no function of one instant",
-        help=(f"leave {', '.join(names[:4])} out of the outputs; or: " if only_shown else "") + form.instead,
+        cause="what `when`s and discrete equations do at an event is not a function of one instant",
+        help=(f"leave {', '.join(names[:4])} out of the outputs; or: " if only_in_outputs else "") + form.instead,
     )
 
 
 def _discrete(compiled: CompiledModel, roots: Sequence[int]) -> set[int]:
-    """Indices, among the states, of the discrete variables that nodes depend on, also through definitions."""
+    """Indices, among the states, of the discrete variables on which `roots` depend, directly or through definitions."""
     pool = compiled.solution.structure.reduced.pool
     seen = pool.variables_behind(roots, dict(compiled.solution.definitions))
     first = len(compiled.states) - compiled.discretes

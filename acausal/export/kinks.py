@@ -1,8 +1,8 @@
 """Detection of points without first derivatives, where rates or outputs have a kink or jump.
 
-There CasADi returns the derivative of one side, for `fabs` the mean of both, for a root zero. Such a point is
-recognised by its two sides: for a smooth function, slopes differ far less across 1e-12 of the variables than across
-1e-9.
+At a kink CasADi returns the derivative of one side (the mean of both sides for `fabs`, zero for a root). Such a point
+is recognised by comparing slopes on its two sides: for a smooth function they differ far less across a displacement of
+the variables by 1e-12 of their magnitude than across one by 1e-9.
 """
 
 from __future__ import annotations
@@ -17,19 +17,21 @@ from acausal.errors import ExportError
 from acausal.export.minimal.manifold import Minimal
 from acausal.lower.compiled import CompiledModel
 
-# Relative displacements, and number of directions in which all variables are displaced at once.
-_CLOSE, _FAR, _WAYS = 1e-12, 1e-9, 2
-# Relative difference that counts as rounding, and ratio of differences (close to far) of a smooth function.
+# Relative displacements, and the number of random directions in which all variables are displaced together.
+_CLOSE, _FAR, _DIRECTIONS = 1e-12, 1e-9, 2
+# Relative difference up to which a jump counts as rounding error, and ratio of the close to the far difference up to
+# which a function counts as smooth.
 _ROUNDING, _SHRINKS = 1e-9, 0.5
-# Displacements on each side, by _CLOSE, at which rounding errors go up and down, and how much of a difference they are.
-_BESIDE, _SCATTER = (0.6, 0.7, 0.9, 1.1, 1.3, 1.6, 1.9, 2.2), 0.1
-# Rows smaller than this, relative to the largest, consist of rounding errors.
+# Displacements on each side, in units of _CLOSE, at which the scatter due to rounding is measured. A jump counts only
+# if the scatter is below this fraction of it.
+_SCATTER_POINTS, _SCATTER = (0.6, 0.7, 0.9, 1.1, 1.3, 1.6, 1.9, 2.2), 0.1
+# Rows whose magnitude is below this fraction of the largest one consist of rounding errors.
 _NOTHING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Rates (nx,), outputs (ny,), matrices A, B, C, D of all states, and dz/dx (nz, nx), dz/du (nz, nu)."""
+    """Rates (nx,), outputs (ny,), matrices A, B, C, D for all states, and dz/dx (nz, nx), dz/du (nz, nu)."""
 
     rates: Vector
     y: Vector
@@ -52,18 +54,20 @@ def slopes_of_both_sides(
     t: float,
     slopes: Callable[[Vector, Vector, Vector], Slopes],
     point: tuple[Vector, Vector, Vector],
-    least: Minimal,
+    coordinates: Minimal,
     outputs: Sequence[str],
 ) -> Slopes:
-    """The `slopes` at a point `(x, z, u)`, shapes (nx,), (nz,), (nu,), checked along motions of coordinates `least`.
+    """The `slopes` at a point `(x, z, u)`, shapes (nx,), (nz,), (nu,), checked for kinks and jumps.
 
-    Raises ExportError: AC604 when both sides of the point have different slopes, or values.
+    The checks displace the minimal `coordinates`, so that all states stay on the constraints.
+
+    Raises ExportError: AC604 when values or slopes differ between the two sides of the point.
     """
     x, z, u = point
     sizes = np.maximum(np.abs(x), compiled.nominal_x), np.maximum(np.abs(u), 1.0)
     here = slopes(*point)
     names = [*(f"der({n})" for n in compiled.states), *outputs]
-    for dx, du in _displacements(compiled, least, *sizes):
+    for dx, du in _displacements(compiled, coordinates, *sizes):
         dz = here.z_of_x @ dx + here.z_of_u @ du
         found = two_sides(lambda s: slopes(x + s * dx, z + s * dz, u + s * du).table(*sizes))  # noqa: B023
         if found is None:
@@ -76,16 +80,16 @@ def slopes_of_both_sides(
             f"{compiled.name} has no linearization at t = {t:g} s: its rates or outputs have a kink or a jump there",
             evidence=[f"{names[row]}{by} is {size * below:.6g} on one side and {size * above:.6g} on the other"],
             cause="a relation, minimum, maximum or fabs changes sides exactly at this point",
-            help="linearize at a time or states beside it",
+            help="linearise slightly before or after it, or at other states",
         )
     return here
 
 
 def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | None:
-    """(Row, column, value below, value above) of the first entry that differs on both sides of a point; None without.
+    """(Row, column, value below, value above) of the first entry that differs between the sides of a point, or None.
 
-    `at(share)` returns a table, shape (n, k), of values and slopes for variables displaced by that relative amount;
-    each row has one scale.
+    `at(s)` returns a table, shape (n, k), of values and slopes for variables displaced by the relative amount `s`. The
+    entries of a row are comparable in magnitude.
     """
     table, sides = at(0.0), [at(-_CLOSE), at(_CLOSE)]
     with np.errstate(invalid="ignore"):
@@ -93,7 +97,7 @@ def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | 
         largest = np.max([np.abs(side).sum(axis=1) for side in (table, *sides)], axis=0)[:, None]
         differs = ~((jump <= _ROUNDING * largest) | (largest <= _NOTHING * largest.max(initial=0.0)))
         if differs.any():
-            far_difference = np.max([np.abs(at(share) - table) for share in (-_FAR, _FAR)], axis=0)
+            far_difference = np.max([np.abs(at(s) - table) for s in (-_FAR, _FAR)], axis=0)
             differs &= ~(jump <= _SHRINKS * far_difference)
         if differs.any() and np.isfinite(jump[differs]).all():
             differs &= ~(_scatter(at) >= _SCATTER * jump)
@@ -104,25 +108,25 @@ def two_sides(at: Callable[[float], Vector]) -> tuple[int, int, float, float] | 
 
 
 def _scatter(at: Callable[[float], Vector]) -> Vector:
-    """How far the entries of `at(share)` go back and forth on one side of the point, of the table's shape.
+    """How far the entries of `at(s)` go back and forth on one side of the point, in the shape of the table.
 
-    What is smooth on each side, be its slope infinite, is monotone that close; rounding errors are not, such as those
-    of accelerations in the elongated pose of an arm.
+    A function that is smooth on each side is monotone so close to the point, even if its slope is infinite. Rounding
+    errors are not monotone, such as those of the accelerations of an arm in its elongated pose.
     """
-    steps = (np.diff([at(side * _CLOSE * share) for share in _BESIDE], axis=0) for side in (-1.0, 1.0))
+    steps = (np.diff([at(side * _CLOSE * s) for s in _SCATTER_POINTS], axis=0) for side in (-1.0, 1.0))
     return np.asarray(np.max([np.abs(d).sum(axis=0) - np.abs(d.sum(axis=0)) for d in steps], axis=0))
 
 
 def _displacements(
-    compiled: CompiledModel, least: Minimal, size_x: Vector, size_u: Vector
+    compiled: CompiledModel, coordinates: Minimal, size_x: Vector, size_u: Vector
 ) -> Iterator[tuple[Vector, Vector]]:
     """Displacements of x, shape (nx,), and u, shape (nu,), of about their magnitude and tangential to constraints."""
     rng = np.random.default_rng(0)
-    places = np.array(least.places, dtype=int)
-    for _ in range(_WAYS):
+    places = np.array(coordinates.places, dtype=int)
+    for _ in range(_DIRECTIONS):
         dx, du = (
             size * rng.uniform(0.5, 1.0, len(size)) * rng.choice([-1.0, 1.0], len(size))
             for size in (size_x[places], size_u)
         )
         dx[places >= len(size_x) - compiled.discretes] = 0.0
-        yield least.of_coordinates @ dx + least.of_inputs @ du, du
+        yield coordinates.of_coordinates @ dx + coordinates.of_inputs @ du, du

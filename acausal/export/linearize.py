@@ -1,4 +1,4 @@
-"""Linearisation about a point of the motion: x' = A x + B u, y = C x + D u, for deviations from that point."""
+"""Linearisation about a point of a trajectory: x' = A x + B u, y = C x + D u, for deviations from that point."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Linearization:
     rates
         x' at the point: all zero at an equilibrium.
     notes
-        Notes on features that were left out.
+        Features that were left out, and states that were interpolated.
     """
 
     name: str
@@ -105,12 +105,12 @@ def linearize(
     outputs: Sequence[str] | None = None,
     parameters: Mapping[str, object] | None = None,
 ) -> Linearization:
-    """Linearize a model at its start, at given states, or at a time of a run.
+    """Linearise a model at its start, at given states, or at an instant of a run.
 
     Algebraic variables are eliminated by the implicit function theorem. So are dependent states of stabilised
     constraints (closed loops of joints): the states of the result are a set of independent ones, chosen so that the
-    others are well conditioned functions of them at the point. Discrete variables are no states: they change at events
-    only, and keep the values that they have at the point.
+    others are well-conditioned functions of them at the point. Discrete variables do not count as states: they change
+    at events only, and keep the values that they have at the point.
 
     Parameters
     ----------
@@ -137,10 +137,11 @@ def linearize(
     UsageError
         AC010 for an unknown output or state, AC011 for a time outside the run, AC033 for an unknown input.
     InitializationError
-        The model has no consistent point there.
+        The model has no consistent values at the point.
     ExportError
-        AC604 when the algebraic variables or dependent states are singular at the point, or rates or outputs have a
-        kink or a jump there, AC608 when events change what they depend on, AC609 when `x` violates the constraints.
+        AC604 when the equations are singular in the algebraic variables or dependent states at the point, or rates or
+        outputs have a kink or a jump there, AC608 when events change what they depend on, AC609 when `x` violates the
+        constraints.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     wanted = named_outputs(compiled, outputs)
@@ -152,12 +153,13 @@ def linearize(
     p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting, parameters or {}), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     start = _point(compiled, t, p, u, result, x or {}, lasting)
-    least = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
-    places = [k for k in least.places if k < len(compiled.states) - compiled.discretes]
+    coordinates = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
+    places = [k for k in coordinates.places if k < len(compiled.states) - compiled.discretes]
     names, point = [output.name for output in wanted], (start.x, start.z, u)
-    slopes = slopes_of_both_sides(compiled, t, _slopes_of(compiled, wanted, t, p), point, least, names)
+    slopes = slopes_of_both_sides(compiled, t, _slopes_of(compiled, wanted, t, p), point, coordinates, names)
     A, B, C, D = slopes.matrices
-    by_coordinates, by_inputs = least.of_coordinates[:, : len(places)], least.of_inputs  # discrete ones come last
+    # discrete variables come last
+    by_coordinates, by_inputs = coordinates.of_coordinates[:, : len(places)], coordinates.of_inputs
     return Linearization(
         compiled.name,
         t,
@@ -177,7 +179,7 @@ def linearize(
 
 
 def _between_rows(t: float, result: Result | None) -> list[str]:
-    """A note on states that are not those of the run but of a curve through its rows, as of a file."""
+    """A note if the states at `t` are interpolated: a result read from a file has its rows only, no dense output."""
     if result is None or result.dense is not None or np.isclose(result.time, t, rtol=1e-12, atol=0.0).any():
         return []
     return [f"the states at t = {t:g} s are interpolated between the rows of the result, which has no others"]
@@ -186,16 +188,16 @@ def _between_rows(t: float, result: Result | None) -> list[str]:
 def _slopes_of(
     compiled: CompiledModel, wanted: Sequence[Output], t: float, p: Vector
 ) -> Callable[[Vector, Vector, Vector], Slopes]:
-    """Function of `(x, z, u)` that returns the matrices for all states, with algebraic variables eliminated."""
+    """Function `(x, z, u) -> Slopes`: the matrices for all states, with algebraic variables eliminated."""
     partial = [f"jac:{f}:{v}" for f in ("ode", "alg", "y") for v in ("x", "z", "u")]
     jacobian = dae_function(compiled, wanted).factory("jacobian", ["t", "x", "z", "u", "p"], ["ode", "y", *partial])
     pairs = [(f, v) for f in ("ode", "y") for v in ("x", "u")]
 
     def slopes(x: Vector, z: Vector, u: Vector) -> Slopes:
         found = {name: np.array(m) for name, m in zip(jacobian.name_out(), jacobian(t, x, z, u, p), strict=True)}
-        follow = _algebraic_slopes(compiled, t, found)
-        matrices = tuple(found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ follow[v] for f, v in pairs)
-        return Slopes(found["ode"].ravel(), found["y"].ravel(), matrices, follow["x"], follow["u"])
+        dz = _algebraic_slopes(compiled, t, found)
+        matrices = tuple(found[f"jac_{f}_{v}"] + found[f"jac_{f}_z"] @ dz[v] for f, v in pairs)
+        return Slopes(found["ode"].ravel(), found["y"].ravel(), matrices, dz["x"], dz["u"])
 
     return slopes
 
@@ -203,9 +205,9 @@ def _slopes_of(
 def _parameters_of_run(
     compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str], given: Mapping[str, object]
 ) -> dict[str, float]:
-    """Free parameters of a run, which calls contacts by their `lasting` names.
+    """Values of the free parameters in a run, in which contacts have their `lasting` names.
 
-    Without those `given`: a component was compiled with them, which a run does not know better.
+    Parameters that are `given` are left out: their values take precedence over those of the run.
     """
     if result is None:
         return {}
@@ -231,7 +233,7 @@ def _point(
     given: Mapping[str, float],
     lasting: Mapping[str, str],
 ) -> Start:
-    """A consistent point with the given states; contacts that the run does not have at `t` are as at the start."""
+    """A consistent point with the given states; contacts that the run does not have at `t` have their start values."""
     m = np.array(compiled.modes(t, p)).ravel()
     if result is None:
         start = initialize(compiled, t, p, u, m)
@@ -239,14 +241,14 @@ def _point(
         names = compiled.states, compiled.algebraic
         x, z = (np.array([_value(result, t, n, lasting) for n in v]) for v in names)
         if lasting and not (np.isfinite(x).all() and np.isfinite(z).all()):
-            apart = initialize(compiled, t, p, u, m)
-            x, z = np.where(np.isfinite(x), x, apart.x), np.where(np.isfinite(z), z, apart.z)
+            initial = initialize(compiled, t, p, u, m)
+            x, z = np.where(np.isfinite(x), x, initial.x), np.where(np.isfinite(z), z, initial.z)
         start = Start(x, z, ())
     for name, value in given.items():
         if name not in compiled.states:
             raise UsageError(
                 "AC010",
-                f"'{name}' is no state of {compiled.name}",
+                f"'{name}' is not a state of {compiled.name}",
                 evidence=meant(name, compiled.states),
                 help=f"states: {', '.join(compiled.states)}",
             )
@@ -256,9 +258,9 @@ def _point(
 
 
 def _value(result: Result, t: float, name: str, lasting: Mapping[str, str]) -> float:
-    """Value of a run at `t`; nan for what belongs to a contact that never came about."""
-    known = renamed(name, lasting)
-    return float("nan") if known != name and known not in result else float(result.at(t, known))
+    """Value of a variable of the run at `t`; nan for a variable of a contact that never occurred."""
+    run_name = renamed(name, lasting)
+    return float("nan") if run_name != name and run_name not in result else float(result.at(t, run_name))
 
 
 def _consistent_modes(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector) -> Start:
@@ -274,7 +276,7 @@ def _consistent_modes(compiled: CompiledModel, t: float, start: Start, p: Vector
                 "AC604",
                 f"{compiled.name} has no linearization at t = {t:g} s: its relations contradict each other there",
                 cause="each of several modes leads to another one",
-                help="linearize at a time or states beside it",
+                help="linearise slightly before or after it, or at other states",
             )
         seen.append(key)
         start = consistent(compiled, t, start, p, u, m)
@@ -282,14 +284,14 @@ def _consistent_modes(compiled: CompiledModel, t: float, start: Start, p: Vector
 
 def _algebraic_slopes(compiled: CompiledModel, t: float, found: Mapping[str, Vector]) -> dict[str, Vector]:
     """dz/dx, shape (nz, nx), and dz/du, shape (nz, nu), from d(alg) = 0; ExportError AC604 where singular."""
-    own = found["jac_alg_z"]
+    by_z = found["jac_alg_z"]
     try:
-        return {v: np.asarray(-np.linalg.solve(own, found[f"jac_alg_{v}"]), dtype=float) for v in ("x", "u")}
+        return {v: np.asarray(-np.linalg.solve(by_z, found[f"jac_alg_{v}"]), dtype=float) for v in ("x", "u")}
     except np.linalg.LinAlgError:
         raise ExportError(
             "AC604",
             f"{compiled.name} has no linearization at t = {t:g} s: its algebraic variables are not determined there",
             evidence=[f"they are {', '.join(compiled.algebraic[:6])}"],
             cause="a kink or a singular position exactly at this point",
-            help="linearize at a time or states beside it",
+            help="linearise slightly before or after it, or at other states",
         ) from None

@@ -1,4 +1,4 @@
-"""Equations and outputs of a model as CasADi functions of a point, with the modes determined by that point."""
+"""Equations and outputs of a model as CasADi functions of a point."""
 
 from __future__ import annotations
 
@@ -14,18 +14,21 @@ from acausal.lower.compiled import CompiledModel
 
 
 def dae_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
-    """Function `(t, x, z, u, p) -> (ode, alg, y)`, with derivatives that are finite wherever its values are."""
+    """Function `(t, x, z, u, p) -> (ode, alg, y)`; its modes follow from the point.
+
+    Its derivatives are finite wherever its values are, see `finite`.
+    """
     s = Symbols(compiled)
     y = observed_function(compiled, outputs)
     arguments = [s.t, s.x, s.z, s.u, s.p]
     modes = compiled.all_modes(*arguments)
-    found = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
+    results = [*compiled.rhs(*arguments, modes), y(*arguments, modes)]
     names = ["t", "x", "z", "u", "p"], ["ode", "alg", "y"]
-    return finite(ca.Function("dae", arguments, [ca.densify(v) for v in found], *names))
+    return finite(ca.Function("dae", arguments, [ca.densify(v) for v in results], *names))
 
 
 def observed_function(compiled: CompiledModel, outputs: Sequence[Output]) -> Any:
-    """Function `(t, x, z, u, p, m) -> y`: the outputs."""
+    """Function `(t, x, z, u, p, m) -> y`: the outputs, with given modes m."""
     s = Symbols(compiled)
     image = compiled.solution.structure.reduced.image
     builder = s.builder(compiled)

@@ -21,11 +21,12 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.start.initialize import initialize
 
-# Tolerance of rates, in nominal magnitudes of their states per duration of the experiment, and of outputs.
+# Tolerance of the scaled residual: rates are scaled by the nominal magnitude of their state per duration of the
+# experiment, outputs by their prescribed values.
 _ZERO = 1e-8
 # Relative singular value of the scaled Jacobian below which a direction counts as undetermined.
 _RANK = 1e-9
-_MOST = 200
+_MOST_EVALUATIONS = 200
 _ATTEMPTS = 5
 
 
@@ -67,7 +68,7 @@ def operating_point(
 ) -> OperatingPoint:
     """Find states at which all rates are zero, by a trust-region Gauss-Newton method from the model's start.
 
-    Discrete variables keep the values of the start, or of `guess`: what changes at events only is no unknown.
+    Discrete variables, which change at events only, are not unknowns: they keep the values of the start or of `guess`.
 
     Parameters
     ----------
@@ -87,10 +88,10 @@ def operating_point(
     UsageError
         AC010 for unknown states, outputs or free inputs, AC023 for outputs of another shape, AC033 for unknown inputs.
     ExportError
-        AC611 where there is no steady state near the start, with the remaining rates; AC608 when events change the
+        AC611 when there is no steady state near the start, with the remaining rates; AC608 when events change the
         rates.
     InitializationError
-        The model has no start.
+        The start problem of the model has no solution.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     wanted = named_outputs(compiled, list(outputs) if outputs else None)
@@ -106,54 +107,56 @@ def operating_point(
             u[compiled.inputs.index(name)] = value
         else:
             start.x[_place(compiled, name, compiled.states, "state")] = value
-    first, aim = np.concatenate([start.x, start.z, u[places]]), _aims(compiled, outputs or {})
-    search = _Search(compiled, wanted, aim, when, p, u, places, first)
-    found = search.solve()
-    if found is None:
+    first, prescribed = np.concatenate([start.x, start.z, u[places]]), _prescribed_values(compiled, outputs or {})
+    search = _Search(compiled, wanted, prescribed, when, p, u, places, first)
+    solution = search.solve()
+    if solution is None:
         raise _no_steady_state(compiled, search)
     nx = len(start.x)
     names = [*compiled.states, *compiled.algebraic, *free]
     return OperatingPoint(
         compiled.name,
         when,
-        dict(zip(compiled.states, found[:nx].tolist(), strict=True)),
-        dict(zip(compiled.algebraic, found[nx : nx + len(start.z)].tolist(), strict=True)),
-        dict(zip(compiled.inputs, search.inputs(found).tolist(), strict=True)),
-        dict(zip((o.name for o in wanted), search.at(found)["y"].ravel().tolist(), strict=True)),
-        (*notes, *_undetermined(search.jacobian(search.reduced(found)), [names[k] for k in search.moving])),
+        dict(zip(compiled.states, solution[:nx].tolist(), strict=True)),
+        dict(zip(compiled.algebraic, solution[nx : nx + len(start.z)].tolist(), strict=True)),
+        dict(zip(compiled.inputs, search.inputs(solution).tolist(), strict=True)),
+        dict(zip((o.name for o in wanted), search.at(solution)["y"].ravel().tolist(), strict=True)),
+        (*notes, *_undetermined(search.jacobian(search.reduced(solution)), [names[k] for k in search.unknown])),
     )
 
 
-def _aims(compiled: CompiledModel, outputs: Mapping[str, float]) -> Vector:
+def _prescribed_values(compiled: CompiledModel, outputs: Mapping[str, float]) -> Vector:
     """Prescribed values of all entries of the outputs, shape (n,), in the order of `named_outputs`."""
-    aims: list[float] = []
+    prescribed: list[float] = []
     for name, value in outputs.items():
         first, *others = named_outputs(compiled, [name])
-        aims += entries(name, (1 + len(others),) if others else (), value, first.declaration.unit)
-    return np.array(aims)
+        prescribed += entries(name, (1 + len(others),) if others else (), value, first.declaration.unit)
+    return np.array(prescribed)
 
 
 class _Search:
     """Least-squares problem: rates, residuals and deviations of outputs as functions of (x, z, free inputs).
 
-    The unknowns w, shape (n,), are those at the indices `moving` of (x, z, free inputs): all but discrete variables.
+    The unknowns w, shape (n,), are the entries of (x, z, free inputs) at the indices `unknown`: all but the discrete
+    variables.
     """
 
     def __init__(
         self,
         compiled: CompiledModel,
         wanted: Sequence[Output],
-        aim: Vector,
+        prescribed: Vector,
         when: float,
         p: Vector,
         u: Vector,
         places: Sequence[int],
         first: Vector,
     ) -> None:
-        self.compiled, self.aim, self.when, self.p, self.u, self.places = compiled, aim, when, p, u, list(places)
+        self.compiled, self.prescribed, self.when = compiled, prescribed, when
+        self.p, self.u, self.places = p, u, list(places)
         self.first, nx = first, len(compiled.states)
-        self.moving = np.array([k for k in range(len(first)) if not nx - compiled.discretes <= k < nx], dtype=int)
-        self.functions = ["ode", "alg", "y"] if aim.size else ["ode", "alg"]
+        self.unknown = np.array([k for k in range(len(first)) if not nx - compiled.discretes <= k < nx], dtype=int)
+        self.functions = ["ode", "alg", "y"] if prescribed.size else ["ode", "alg"]
         slopes = [f"jac:{f}:{v}" for f in self.functions for v in ("x", "z", "u")]
         dae = dae_function(compiled, wanted)
         self.function = dae.factory("point", ["t", "x", "z", "u", "p"], ["ode", "alg", "y", *slopes])
@@ -161,19 +164,19 @@ class _Search:
         span = experiment.stop_time - experiment.start_time
         x, z = compiled.nominal_x, compiled.nominal_z
         self.scale = np.concatenate([x, z, np.maximum(1.0, np.abs(u[self.places]))])
-        self.size = np.concatenate([x / span, np.ones(len(z)), np.maximum(np.abs(aim), 1e-3)])
+        self.size = np.concatenate([x / span, np.ones(len(z)), np.maximum(np.abs(prescribed), 1e-3)])
         self.names = [
             *(f"der({n})" for n in compiled.states),
             *(f"equation of {n}" for n in compiled.algebraic),
-            *(o.name for o in wanted if aim.size),
+            *(o.name for o in wanted if prescribed.size),
         ]
-        self.left = np.zeros(0)
+        self.best_residual = np.zeros(0)
 
     def inputs(self, here: Vector) -> Vector:
         """All inputs, shape (nu,), with the free ones from the point `here`, shape (nx + nz + n_free,)."""
-        own = self.u.copy()
-        own[self.places] = here[len(here) - len(self.places) :]
-        return own
+        u = self.u.copy()
+        u[self.places] = here[len(here) - len(self.places) :]
+        return u
 
     def at(self, here: Vector) -> dict[str, Vector]:
         """Rates, residuals, outputs and their derivatives at the point `here`, by name."""
@@ -183,21 +186,21 @@ class _Search:
 
     def reduced(self, here: Vector) -> Vector:
         """The scaled unknowns of the point `here`, shape (nx + nz + n_free,)."""
-        unknowns: Vector = (here / self.scale)[self.moving]
+        unknowns: Vector = (here / self.scale)[self.unknown]
         return unknowns
 
     def point(self, w: Vector) -> Vector:
         """The point, shape (nx + nz + n_free,), of scaled unknowns."""
         here = self.first.copy()
-        here[self.moving] = np.asarray(w) * self.scale[self.moving]
+        here[self.unknown] = np.asarray(w) * self.scale[self.unknown]
         return here
 
     def residual(self, w: Vector) -> Vector:
         """Scaled residual, shape (nx + nz + n_outputs,), at scaled unknowns."""
         found = self.at(self.point(w))
-        missed: Vector = found["y"].ravel() - self.aim if self.aim.size else np.zeros(0)
-        rest: Vector = np.concatenate([found["ode"].ravel(), found["alg"].ravel(), missed]) / self.size
-        return rest
+        deviation: Vector = found["y"].ravel() - self.prescribed if self.prescribed.size else np.zeros(0)
+        residual: Vector = np.concatenate([found["ode"].ravel(), found["alg"].ravel(), deviation]) / self.size
+        return residual
 
     def jacobian(self, w: Vector) -> Vector:
         """Jacobian of `residual`, shape (nx + nz + n_outputs, n)."""
@@ -206,11 +209,15 @@ class _Search:
             np.hstack([found[f"jac_{f}_x"], found[f"jac_{f}_z"], found[f"jac_{f}_u"][:, self.places]])
             for f in self.functions
         ]
-        scaled: Vector = (np.vstack(rows) * self.scale / self.size[:, None])[:, self.moving]
+        scaled: Vector = (np.vstack(rows) * self.scale / self.size[:, None])[:, self.unknown]
         return scaled
 
     def solve(self) -> Vector | None:
-        """The point, or None; further attempts start beside the first one, in case it is a stationary point."""
+        """The steady state, shape (nx + nz + n_free,), or None.
+
+        Later attempts start from randomly displaced points, because the first one may be a stationary point of the sum
+        of squares.
+        """
         from scipy.optimize import least_squares
 
         compiled = self.compiled
@@ -218,17 +225,17 @@ class _Search:
         open_ended = np.full(len(self.first) - len(declared), np.inf)
         low = self.reduced(np.concatenate([-open_ended, [d.min for d in declared]]))
         high = self.reduced(np.concatenate([open_ended, [d.max for d in declared]]))
-        beside = np.random.default_rng(0)
+        rng = np.random.default_rng(0)
         for attempt in range(_ATTEMPTS):
-            off = 0.2 * attempt * beside.uniform(-1.0, 1.0, len(low))
-            first = np.clip(self.reduced(self.first) + off, low, high)
+            displacement = 0.2 * attempt * rng.uniform(-1.0, 1.0, len(low))
+            first = np.clip(self.reduced(self.first) + displacement, low, high)
             if not np.isfinite(self.residual(first)).all():
                 continue
-            options = {"ftol": 1e-15, "xtol": 1e-15, "gtol": 1e-15, "max_nfev": _MOST}
+            options = {"ftol": 1e-15, "xtol": 1e-15, "gtol": 1e-15, "max_nfev": _MOST_EVALUATIONS}
             slope: Any = self.jacobian
             found = least_squares(self.residual, first, slope, bounds=(low, high), **options)
-            if not self.left.size or np.abs(found.fun).max() < np.abs(self.left).max():
-                self.left = np.asarray(found.fun)
+            if not self.best_residual.size or np.abs(found.fun).max() < np.abs(self.best_residual).max():
+                self.best_residual = np.asarray(found.fun)
             if np.abs(found.fun).max() <= _ZERO:
                 return self.point(found.x)
         return None
@@ -239,21 +246,21 @@ def _place(compiled: CompiledModel, name: str, known: Sequence[str], kind: str) 
         return list(known).index(name)
     raise UsageError(
         "AC010",
-        f"'{name}' is no {kind} of {compiled.name}",
+        f"'{name}' is not {'an' if kind == 'input' else 'a'} {kind} of {compiled.name}",
         evidence=meant(name, list(known)),
         help=f"it has: {', '.join(known[:8]) or 'none'}",
     )
 
 
 def _no_steady_state(compiled: CompiledModel, search: _Search) -> ExportError:
-    worst = np.argsort(-np.abs(search.left))[:4]
-    values = search.left * search.size if search.left.size else search.left
+    worst = np.argsort(-np.abs(search.best_residual))[:4]
+    values = search.best_residual * search.size if search.best_residual.size else search.best_residual
     return ExportError(
         "AC611",
         f"{compiled.name} has no steady state near its start",
-        evidence=[f"{search.names[k]} stays {values[k]:.4g} off" for k in worst],
-        cause="something has to move, too few inputs are free, or their limits are too narrow",
-        help="free=[...] inputs, outputs={...} as many, or another guess={...}",
+        evidence=[f"{search.names[k]} remains off by {values[k]:.4g}" for k in worst],
+        cause="a part has to move, too few inputs are free, or their limits are too narrow",
+        help="give free=[...] inputs and as many outputs={...}, or another guess={...}",
     )
 
 
@@ -262,5 +269,7 @@ def _undetermined(jacobian: Vector, names: Sequence[str]) -> list[str]:
     _, size, right = np.linalg.svd(jacobian)
     rank = int((size > _RANK * max(float(size.max(initial=0.0)), 1e-300)).sum())
     free = np.abs(right[rank:]).max(axis=0, initial=0.0)
-    loose = [name for name, share in zip(names, free.tolist(), strict=True) if share > 0.1]
-    return [f"not unique: {', '.join(loose[:6])} may be anywhere; nearest to the start was taken"] if loose else []
+    loose = [name for name, component in zip(names, free.tolist(), strict=True) if component > 0.1]
+    return (
+        [f"not unique: {', '.join(loose[:6])} are arbitrary; the values nearest to the start are used"] if loose else []
+    )

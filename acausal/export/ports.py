@@ -16,7 +16,7 @@ from acausal.units import divide, format_dimension, parse
 
 
 class Output(NamedTuple):
-    """A requested scalar, under the requested one of its names."""
+    """A requested scalar variable, under the name by which it was requested (it may have aliases)."""
 
     name: str
     declaration: Declaration
@@ -24,9 +24,9 @@ class Output(NamedTuple):
 
 
 def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple[Output, ...]:
-    """The outputs of these names, arrays entry by entry; None means all variables declared in the model's class.
+    """The outputs with these names, arrays entry by entry; None means all variables declared in the model's class.
 
-    Raises UsageError: AC010 for a name that is no variable of the model, AC028 if `compiled` is no compiled model.
+    Raises UsageError: AC010 for a name that is no variable of the model, AC028 if `compiled` is not a compiled model.
     """
     if not isinstance(compiled, CompiledModel):
         shown = f"the class {compiled.__name__}" if isinstance(compiled, type) else type(compiled).__name__
@@ -38,20 +38,20 @@ def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple
 
 
 def _entries(compiled: CompiledModel, variables: Mapping[str, FlatVariable], name: str) -> list[Output]:
-    """The scalars of a variable, or of an entry of one."""
+    """The scalars of a variable, or of one of its entries."""
     path = name.rpartition("[")[0]
     v = variables.get(name) or variables.get(path)
     if v is None:
         known = [v.path + s for v in variables.values() for s in ("", *suffixes(v.declaration.shape))]
         raise _unknown(compiled, name, list(dict.fromkeys(known)))
     d = v.declaration
-    found = [Output(v.path + s, d, v.first + k) for k, s in enumerate(suffixes(d.shape))]
+    scalars = [Output(v.path + s, d, v.first + k) for k, s in enumerate(suffixes(d.shape))]
     if v.path == name:
-        return found
-    own = [output for output in found if output.name == name]
-    if not own:
-        raise _unknown(compiled, name, [output.name for output in found])
-    return own
+        return scalars
+    entry = [output for output in scalars if output.name == name]
+    if not entry:
+        raise _unknown(compiled, name, [output.name for output in scalars])
+    return entry
 
 
 def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError:
@@ -65,7 +65,7 @@ def _unknown(compiled: CompiledModel, name: str, known: list[str]) -> UsageError
 
 
 def output_ports(outputs: Sequence[Output], start: Iterable[float]) -> Ports:
-    """Ports of outputs."""
+    """Ports of outputs, whose values at the start are `start`."""
     return Ports(
         Port(name, d.unit, d.doc, float(value), d.nominal, d.min, d.max)
         for (name, d, _), value in zip(outputs, start, strict=True)
@@ -93,9 +93,8 @@ def _variable_port(compiled: CompiledModel, variable: int, start: float, nominal
         units.append(d.unit)
         docs.append(d.doc)
     name = reduced.name(variable)
-    own = _declared(compiled, variable)
-    unit, doc = own or ("", "")
-    # A signal without a declared unit has that of its aliases.
+    unit, doc = _declared(compiled, variable)
+    # A signal without a declared unit has the unit of its aliases.
     unit = unit or next((u for u in units if u), "")
     doc = doc or next((d for d in docs if d), "")
     return Port(name, unit, doc, start, nominal, lower, upper)
@@ -127,9 +126,9 @@ def parameter_ports(compiled: CompiledModel) -> Ports:
     """Ports of the free parameters, with their values as start."""
     described = dict(_parameters(compiled))
     # the only parameter without a declaration
-    rate = Port("stabilisation.rate", "1/s", "Rate at which states are drawn back to constraints", min=0.0)
+    undeclared = Port("stabilisation.rate", "1/s", "Rate at which states are drawn back to constraints", min=0.0)
     return Ports(
-        described.get(k) or replace(rate, name=name, start=value, nominal=value or 1.0)
+        described.get(k) or replace(undeclared, name=name, start=value, nominal=value or 1.0)
         for k, (name, value) in enumerate(zip(compiled.parameters, compiled.parameter_values, strict=True))
     )
 

@@ -30,7 +30,7 @@ class StartPoint:
 
 
 def start_point(compiled: CompiledModel, p: Vector | None = None) -> StartPoint:
-    """Solve the start problem; if it has no solution (an input may have to differ from 0), return its guesses.
+    """Solve the start problem; if it has no solution (inputs of 0 may not permit one), return the guesses with a note.
 
     `p`: parameters, shape (np,); the declared ones by default.
     """
@@ -56,11 +56,16 @@ def input_start(compiled: CompiledModel, scalar: int, p: Vector) -> float:
 
 
 def init_function(compiled: CompiledModel, begin: StartPoint) -> Any:
-    """Function `(p) -> (x0, z0)`: the consistent start; a rootfinder if conditions have to be solved."""
+    """Function `(p) -> (x0, z0)`: the consistent start, by a rootfinder if conditions have to be solved.
+
+    Raises ExportError: AC603 when there are more or fewer conditions than unknowns.
+    """
     n, nz = len(compiled.states), len(compiled.algebraic)
     given = {*compiled.start.direct, *compiled.start.defaulted}
     free = [k for k, v in enumerate(compiled.state_variables) if v not in given]
-    if free and n + nz <= _MOST_BY_VALUES:  # which states keep their guesses is decided by values, too
+    if (
+        free and n + nz <= _MOST_BY_VALUES
+    ):  # defaulted states are free, too: `_determined` decides which keep their guesses
         free = [k for k, v in enumerate(compiled.state_variables) if v not in compiled.start.direct]
     if not free and not nz:
         p = ca.SX.sym("p", len(compiled.parameters))
@@ -110,10 +115,11 @@ def _start_root(compiled: CompiledModel, begin: StartPoint, free: list[int], sca
 
 
 def _determined(residual: Any, y: Any, p: Any, guessed: Any, at: Vector, known: Vector) -> Any:
-    """As many conditions as unknowns, by their slope at the start `at`, shape (ny,), for parameters `known`, (np,).
+    """As many conditions as unknowns, from the Jacobian at the start `at`, shape (ny,), for parameters `known`, (np,).
 
-    A loop may state one condition twice and leave a state open elsewhere. Of the conditions those combinations are
-    left that say something; what they leave open is nearest to the guesses, as in a run (initialisation.md).
+    A loop may state one condition twice and leave a state undetermined elsewhere. The conditions are replaced by their
+    linearly independent combinations (from a singular value decomposition); in the undetermined directions the
+    unknowns stay as close as possible to their guesses, as in a run (initialisation.md).
     """
     slope = np.array(ca.Function("slope", [y, p], [ca.jacobian(residual, y)])(at, known), dtype=float)
     rows, columns = slope.shape
@@ -124,11 +130,11 @@ def _determined(residual: Any, y: Any, p: Any, guessed: Any, at: Vector, known: 
     rank = int(np.count_nonzero(values > _SINGULAR * values[0])) if len(values) else 0
     if rank == rows == columns:
         return residual
-    said = residual if rank == rows else ca.DM(left[:, :rank].T / sizes) @ residual
-    return ca.vertcat(said, ca.DM(right[rank:]) @ (y - guessed))
+    independent = residual if rank == rows else ca.DM(left[:, :rank].T / sizes) @ residual
+    return ca.vertcat(independent, ca.DM(right[rank:]) @ (y - guessed))
 
 
 _SINGULAR = 1e-10
-"""Singular values, by the largest one, that are zero."""
+"""Singular values below this fraction of the largest one count as zero."""
 _MOST_BY_VALUES = 400
-"""Unknowns up to which values decide what is missing or said twice, as in a run."""
+"""Number of unknowns up to which a singular value decomposition finds missing and repeated conditions, as in a run."""

@@ -104,7 +104,7 @@ class Drift(Component):
 def test_what_may_be_anywhere_is_said() -> None:
     found = operating_point(Drift())
     assert found.states == {"s": pytest.approx(3.0, abs=1e-6), "v": pytest.approx(0.0, abs=1e-9)}
-    assert "s may be anywhere" in found.notes[-1]
+    assert "s are arbitrary" in found.notes[-1]
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,12 @@
-"""C source of a `CasadiModel`: all functions with plain arrays, a header, and a main that prints them at the start.
+"""C source of a `CasadiModel`: all functions on plain arrays, a header, and a main that prints values at the start.
 
 `NAME.c` contains CasADi's code and, for each function, `int NAME_FUNCTION(...)`, which takes pointers to dense columns
-in the order of the arguments, then of the results. It returns 0 on success: an iteration that does not converge gives
-nan, and nan is reported. Nothing is allocated or kept between calls.
+in the order of the arguments, then of the results. It returns 0 on success. An iteration that does not converge yields
+nan, and the wrapper returns 1 for nan results. Nothing is allocated or kept between calls.
 
 CasADi generates C only for the rootfinder `fast_newton`. Every other rootfinder in the graph of an MX function is
-replaced by one for the same residuals, and so are rootfinders in the functions that it calls. Results agree to the
-tolerance of Newton's method, which here takes full steps.
+replaced by a `fast_newton` for the same residual, and so are rootfinders in the functions that it calls. Results agree
+within the tolerance of Newton's method, which here takes full steps.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ int {own}({parameters}) {{
 {checks}  return failed;
 }}
 """
-_MAIN = """/* Prints what every function of {name} gives at the start: FUNCTION RESULT NUMBERS. */
+_MAIN = """/* Prints the results of every function of {name} at the start: FUNCTION RESULT NUMBERS. */
 #include <stdio.h>
 #include "{prefix}.h"
 
@@ -70,10 +70,10 @@ def sources(model: CasadiModel) -> dict[str, str]:
             "AC612",
             f"{model.name} cannot be written as C",
             evidence=[str(error).strip().splitlines()[-1]],
-            help="external functions of CasADi that do not generate have to be expressions or C themselves",
+            help="replace external functions for which CasADi generates no code by expressions or by C",
         ) from error
     if "#error" in code:
-        raise ExportError("AC612", f"{model.name} cannot be written as C: CasADi has no code for a part of it")
+        raise ExportError("AC612", f"{model.name} cannot be written as C: CasADi generates no code for a part of it")
     wrappers = "".join(_wrapper(prefix, name, f) for name, f in dense.items())
     head = f'/* {model.name}, by acausal. */\n#include "{prefix}.h"\n'
     return {
@@ -123,7 +123,7 @@ def _wrapper(prefix: str, name: str, function: Any) -> str:
 
 
 def _checks(function: Any) -> str:
-    """C lines that report results that are nan."""
+    """C lines that set `failed` if a result is nan."""
     sizes = [(name, function.numel_out(name)) for name in _results(function)]
     lines = [f"  for (k = 0; k < {n}; ++k) if ({name}[k] != {name}[k]) failed = 1;\n" for name, n in sizes if n]
     return "  int k;\n" * bool(lines) + "".join(lines)
@@ -153,7 +153,7 @@ def _header(model: CasadiModel, prefix: str, made: dict[str, Any]) -> str:
         lines += [f"/* ({', '.join(shapes)}) -> ({', '.join(results)}) */", f"{_signature(prefix, name, f)};"]
     notes = "".join(f"   note: {note}\n" for note in model.notes).replace("*/", "* /")
     return (
-        f"/* {model.name}, by acausal: SI units, dense columns, 0 is returned where a function could be evaluated.\n\n"
+        f"/* {model.name}, by acausal: SI units, dense columns; functions return 0 on success.\n\n"
         f'{tables}\n{notes}*/\n#ifndef {capital}_H\n#define {capital}_H\n#ifdef __cplusplus\nextern "C" {{\n#endif\n\n'
         f"{sizes}\n#define {capital}_START_TIME {model.start_time!r}\n\n{starts}\n\n"
         + "\n".join(lines)
@@ -168,11 +168,12 @@ def _main(model: CasadiModel, prefix: str, made: dict[str, Any]) -> str:
         given: dict[str, list[float]] = {"t": [model.start_time], "h": [1e-3]}
         lines = []
         for k in range(f.n_in()):
-            own = f.name_in(k)
-            if own in vectors:
+            argument = f.name_in(k)
+            if argument in vectors:
                 continue
-            values: list[float] = given[own] if own in given else [0.0] * f.numel_in(k)
-            lines.append(f"    const double {own}[{max(len(values), 1)}] = {{{', '.join(map(repr, values)) or '0'}}};")
+            values: list[float] = given[argument] if argument in given else [0.0] * f.numel_in(k)
+            text = ", ".join(map(repr, values)) or "0"
+            lines.append(f"    const double {argument}[{max(len(values), 1)}] = {{{text}}};")
         lines += [f"    double {f.name_out(k)}[{max(f.numel_out(k), 1)}] = {{0}};" for k in range(f.n_out())]
         arguments = [f"{prefix}_{n}_start" if n in vectors else n for n in (f.name_in(k) for k in range(f.n_in()))]
         arguments += [f.name_out(k) for k in range(f.n_out())]
@@ -182,13 +183,13 @@ def _main(model: CasadiModel, prefix: str, made: dict[str, Any]) -> str:
     return _MAIN.format(name=model.name, prefix=prefix, calls="\n".join(calls))
 
 
-# Largest further Newton step, in nominal magnitudes, of a converged iteration.
+# An iteration counts as converged if one further Newton step is at most this, relative to the nominal magnitudes.
 _CONVERGED = 1e-7
 _OPTIONS = {k: NEWTON[k] for k in ("abstol", "abstolStep", "max_iter", "error_on_fail")}
 
 
 def with_c_rootfinders(function: Any, known: dict[int, Any] | None = None) -> Any:
-    """The function with rootfinders that can be generated as C; unchanged without rootfinders.
+    """The function with rootfinders for which CasADi generates C; unchanged if it has none.
 
     `known` caches replacements, so that a function called several times remains one.
     """
@@ -226,7 +227,7 @@ def _fast_newton(function: Any) -> Any:
     root_value = root(start, q)
     slope, defect = linear(root_value, q)
     further = ca.solve(slope, defect, "qr")
-    # each for itself: beside an unknown of 1e6 nominal magnitudes another would not have to be solved for at all
+    # test each unknown separately: a norm over all would be dominated by one unknown of 1e6 nominal magnitudes
     is_converged = ca.sum1(ca.fabs(further) <= _CONVERGED * (1 + ca.fabs(root_value))) >= start.numel()
     value = ca.if_else(is_converged, root_value, math.nan)
     names = [function.name_in(0), function.name_in(1)], [function.name_out(0)]
@@ -244,7 +245,7 @@ def _contains_rootfinder(function: Any) -> bool:
 
 
 def _output(roots: list[Any]) -> Any:
-    """An output, below these expressions, of a call whose function contains a rootfinder; None without any."""
+    """An output of a call, among the nodes of these expressions, whose function contains a rootfinder, or None."""
     seen: set[int] = set()
     stack = list(roots)
     while stack:

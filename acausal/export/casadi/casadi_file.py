@@ -7,9 +7,9 @@ A zip archive of two members:
   (docs/casadi.md).
 - `metadata.json`: format and version numbers, name, start time, notes, names of the functions, and for each of x, z, u,
   p, y (and m, with events) the list of its entries with name, unit, doc, start, nominal, min, max; null stands for no
-  limit (and for a start that is not known); a checksum of all of this and of the functions.
+  limit (and for an unknown start); a checksum of all of this and of the functions.
 
-CasADi's format can name shared libraries and compilers, which CasADi loads and runs while reading: such files are
+CasADi's format can name shared libraries and compilers, which CasADi loads and runs while reading. Such files are
 refused before CasADi reads them (`docs/security.md`).
 """
 
@@ -35,12 +35,12 @@ from acausal.result.files import atomic
 FORMAT = "acausal casadi model"
 VERSION = 4
 _VECTORS = ("x", "z", "u", "p", "y")
-# A fixed date in the archive, so that equal models give equal files.
+# Every member of the archive has this date, so that equal models give equal files.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def save_casadi(model: CasadiModel, path: str | Path) -> None:
-    """Write a model, completely or not at all.
+    """Write a model to a file; if writing fails, no partial file remains.
 
     Raises
     ------
@@ -66,8 +66,8 @@ def load_casadi(path: str | Path) -> CasadiModel:
     UsageError
         AC014 when the file cannot be opened.
     ExportError
-        AC601 for another or a damaged file, AC602 for another format or a newer version of CasADi, AC609 for a file
-        that would run foreign code.
+        AC601 for a file of another kind or a damaged one, AC602 for another format version or a newer version of
+        CasADi, AC609 for a file that would run foreign code.
     """
     path = Path(path)
     try:
@@ -79,7 +79,7 @@ def load_casadi(path: str | Path) -> CasadiModel:
     except OSError as error:
         raise UsageError("AC014", f"cannot read {path}: {error.strerror or error}") from error
     except Exception as error:
-        # zipfile, zlib and json raise a dozen classes of errors for invalid data.
+        # zipfile, zlib and json raise a dozen classes of errors for invalid data
         raise ExportError(
             "AC601",
             f"{path} is not a saved CasADi model",
@@ -92,23 +92,23 @@ def load_casadi(path: str | Path) -> CasadiModel:
     if version < VERSION:
         raise ExportError(
             "AC602",
-            f"{path} was written with format {version}, which holds less than format {VERSION} of this installation",
+            f"{path} was written with format {version}, which contains less than format {VERSION} of this installation",
             help="save it again from the model: compiled.casadi().save(path)",
         )
     if _numbers(casadi) > _numbers(ca.CasadiMeta.version()):
         raise _too_new(path, f"CasADi {casadi}", f"CasADi {ca.CasadiMeta.version()}")
     if described.get("checksum") != _checksum(described, functions):
-        raise ExportError("AC601", f"{path} is damaged", evidence=["its checksum is that of other contents"])
+        raise ExportError("AC601", f"{path} is damaged", evidence=["its checksum does not match its contents"])
     try:
-        found = _foreign_code(functions)
+        foreign = _foreign_code(functions)
     except ValueError as error:
         raise ExportError("AC601", f"{path} is damaged", evidence=[str(error)]) from error
-    if found:
+    if foreign:
         raise ExportError(
             "AC609",
-            f"{path} would have code run that is not in it",
-            evidence=[f"it names {', '.join(found)}"],
-            help="have it saved again without external functions and without jit",
+            f"{path} would run code from outside the file",
+            evidence=[f"it names {', '.join(foreign)}"],
+            help="save it again without external functions and without jit",
         )
     return _restored(path, described, functions)
 
@@ -136,11 +136,12 @@ _FOREIGN = (
 
 
 def _foreign_code(text: str) -> list[str]:
-    """What in a stream of CasADi's names code outside of it: strings are stored with their length before them.
+    """The strings in a serialised CasADi stream that name code outside of it.
 
-    Plugins are libraries found by name: a name with a separator would lead elsewhere.
+    The stream stores each string after its length. A string with a path separator counts as well, because CasADi looks
+    up plugins as libraries by name, and a path would lead to an arbitrary one.
     """
-    # Two letters encode a byte, the low half first.
+    # two letters encode a byte, the low half first
     halves = np.frombuffer(text.encode("ascii"), dtype=np.uint8) - np.uint8(ord("a"))
     if len(halves) % 2 or (halves > 15).any():
         raise ValueError("not CasADi's encoding")
@@ -174,7 +175,7 @@ def _described(model: CasadiModel) -> dict[str, Any]:
 
 
 def _to_json(port: Port) -> dict[str, Any]:
-    # JSON has neither infinity nor nan.
+    # JSON has neither infinity nor nan
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in asdict(port).items()}
 
 
@@ -191,8 +192,8 @@ def _restored(path: Path, described: dict[str, Any], text: str) -> CasadiModel:
         vectors = {v: Ports(map(_from_json, described[v])) for v in _VECTORS}
         events = None
         if "m" in described:
-            own = {name: functions[f"events.{name}"] for name in EVENT_FUNCTIONS}
-            events = CasadiEvents(**own, m=Ports(map(_from_json, described["m"])))
+            reacting = {name: functions[f"events.{name}"] for name in EVENT_FUNCTIONS}
+            events = CasadiEvents(**reacting, m=Ports(map(_from_json, described["m"])))
         return CasadiModel(
             name=described["name"],
             **{name: functions[name] for name in FUNCTIONS},

@@ -1,12 +1,11 @@
-"""Modified functions whose derivatives are finite wherever their values are.
+"""Rewriting of functions so that their derivatives are finite wherever their values are.
 
 `maximum(f, 0)**1.3`, `sqrt(maximum(f, 0))` and `acos(clamp(c, -1, 1))` have values everywhere, and are constant where
-the limit holds; but there the chain rule multiplies an infinite slope by zero, which is nan, in the first or the second
-derivative. The same holds for the length of a vector that vanishes. Powers, roots, inverse sines and cosines, and
-angles are therefore replaced at the one point where their slope is not finite: they keep their value, and their
-derivatives are
-0. Elsewhere nothing changes. Bases that cannot vanish are left unchanged; where this depends on parameters, the test is
-an expression of parameters, which disappears when they are numbers.
+the limit is active. But there the chain rule multiplies an infinite slope by zero, which is nan, in the first or the
+second derivative. The same holds for the length of a vector that vanishes. Therefore powers, roots, inverse sines and
+cosines, and angles are replaced at the one point where their slope is not finite: there they keep their value, and
+their derivatives are 0. Elsewhere nothing changes. Bases that cannot vanish are left unchanged. If that depends on
+parameters, the test is an expression of parameters, which disappears when they are numbers.
 
 For these tests every expression carries a lower bound that holds for all states and inputs, as an expression of
 parameters: `maximum(h, h_min) / h_1` is at least h_min / h_1 where h_1 > 0, and `x**2 + eps**2` at least eps**2. A
@@ -37,7 +36,7 @@ def finite(function: Any) -> Any:
     ]
     results = [[ca.SX(0)] * function.nnz_out(k) for k in range(function.n_out())]
     work = [known(ca.SX(0))] * function.sz_w()
-    bounds, apart = LowerBounds(), _FiniteSlopes()
+    bounds, finite_slopes = LowerBounds(), _FiniteSlopes()
     for k, op in enumerate(operations):
         places, to = function.instruction_input(k), function.instruction_output(k)
         if op == ca.OP_CONST:
@@ -48,16 +47,16 @@ def finite(function: Any) -> Any:
             results[to[0]][to[1]] = work[places[0]].value
         else:
             operands = [work[p] for p in places]
-            work[to[0]] = bounds.bounded(op, apart.operation(op, operands), operands)
+            work[to[0]] = bounds.bounded(op, finite_slopes.operation(op, operands), operands)
     values = [ca.SX(function.sparsity_out(k), ca.vertcat(ca.SX(0, 1), *v)) for k, v in enumerate(results)]
     return ca.Function(function.name(), arguments, values, function.name_in(), function.name_out())
 
 
 class _FiniteSlopes:
-    """Replaces operations where their slope is not finite; tests of equal bases, bounds and exponents are shared."""
+    """Replaces operations where their slope is not finite; equal bases, bounds and exponents share their tests."""
 
     def __init__(self) -> None:
-        # By hash; the expression is kept too, because a deleted one leaves its hash to others.
+        # By hash. The expression is stored, too: the hash of a deleted one may be reused.
         self._bases: dict[int, tuple[Any, Any, Any]] = {}
         self._exponents: dict[int, tuple[Any, Any]] = {}
         self._bounds: dict[int, tuple[Any, Any]] = {}
@@ -83,7 +82,7 @@ class _FiniteSlopes:
         if base.value.is_constant() or (exponent.is_constant() and _is_smooth(float(exponent))):
             return base.value**exponent
         is_zero, other = self._base(base)
-        return other**exponent + _where(is_zero, self._beside_one(exponent))
+        return other**exponent + _where(is_zero, self._zero_minus_one_power(exponent))
 
     def _base(self, base: Bounded) -> tuple[Any, Any]:
         """(Whether a base is zero, the base with zero replaced by 1)."""
@@ -102,7 +101,7 @@ class _FiniteSlopes:
             self._bounds[key] = ca.logic_not(low > 0), low
         return self._bounds[key][0]
 
-    def _beside_one(self, exponent: Any) -> Any:
+    def _zero_minus_one_power(self, exponent: Any) -> Any:
         """0**exponent - 1**exponent: -1, 0 or infinity."""
         key = exponent.element_hash()
         if key not in self._exponents:
@@ -112,7 +111,7 @@ class _FiniteSlopes:
 
 
 def _is_smooth(exponent: float) -> bool:
-    """Whether all derivatives of the power are finite at zero; implicit steps need more than the first two."""
+    """Whether all derivatives of a power are finite at zero; implicit steps need more than the first two."""
     return exponent >= 0 and exponent.is_integer()
 
 
@@ -164,7 +163,7 @@ class LowerBounds:
             return None
         a, b = operands
         if op == ca.OP_ADD:
-            # Adding symbolic bounds would double the cost of long sums.
+            # adding symbolic bounds would double the cost of long sums
             if a.low is None or b.low is None or not (a.low.is_constant() or b.low.is_constant()):
                 return None
             return a.low + b.low
@@ -181,7 +180,7 @@ class LowerBounds:
         key = op, low.element_hash(), factor.element_hash()
         if key not in self._made:
             found = ca.if_else(factor > 0, ca.SX.binary(op, low, factor), -math.inf)
-            self._made[key] = found, low, factor  # expressions that live keep their hashes
+            self._made[key] = found, low, factor  # stored expressions keep their hashes
         return self._made[key][0]
 
 

@@ -35,7 +35,7 @@ from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiEvents, CasadiMode
 from acausal.lower.compiled import CompiledModel
 
 _SEVERAL = (
-    "algebraic equations are nonlinear in their own unknowns: where a sign of determinants changes along a solution, "
+    "algebraic equations are nonlinear in their own unknowns: where a sign in determinants changes along a solution, "
     "or a determinant is zero, other solutions meet it, and nothing else here tells which of them is followed"
 )
 
@@ -48,28 +48,28 @@ def casadi_model(
     minimal: bool = False,
     events: bool = False,
 ) -> CasadiModel:
-    """The CasADi functions of a compiled model.
+    """Create the CasADi functions of a compiled model.
 
     Parameters
     ----------
     outputs
-        What y holds: names of variables as in a `Result`; an array stands for all its entries. None: the variables
+        Entries of y: names of variables as in a `Result`; an array stands for all its entries. None: the variables
         and signals declared in the model's own class, not those of its parts.
     parameters
-        What p holds, in this order: decisions of an optimisation, by name. The others keep their declared values.
+        Entries of p, in this order: decisions of an optimisation, by name. The others keep their declared values.
         None: all free parameters.
     minimal
-        With as many states as degrees of freedom, two for each, see `acausal.export.minimal.minimal`.
+        Whether to use minimal coordinates, two states for each degree of freedom, see `acausal.export.minimal.minimal`.
     events
-        With what happens at events; else models whose events act are refused.
+        Whether to include what happens at events; without it, models whose events change variables are refused.
 
     Raises
     ------
     UsageError
-        AC010 for an unknown output, AC020 for an unknown parameter, AC053 for one that minimal coordinates stand on.
+        AC010 for an unknown output, AC020 for an unknown parameter, AC053 for one that minimal coordinates depend on.
     ExportError
-        AC603 when the start conditions do not determine as many values as are open, AC608 when events change what the
-        functions depend on, AC613 for minimal coordinates of a model with events.
+        AC603 when the number of start conditions is not the number of undetermined start values, AC608 when events
+        change variables that the functions depend on, AC613 for minimal coordinates of a model with events.
     """
     wanted = named_outputs(compiled, outputs)
     left_out = check(compiled, BETWEEN if events else FUNCTIONS, wanted)
@@ -175,7 +175,7 @@ def _refuse_minimal_events(compiled: CompiledModel, events: bool) -> None:
             "AC613",
             f"{compiled.name} is not exported in minimal coordinates with its events",
             cause="resets and guards are stated in the states of the model",
-            help="leave out minimal=True: invariants says what binds the states",
+            help="leave out minimal=True: the function invariants has the constraints on the states",
         )
 
 
@@ -189,7 +189,7 @@ def _without_bound(
     if names:
         raise UsageError(
             "AC053",
-            f"{names[0]} cannot be an argument: the angle that replaces states stands on its value",
+            f"{names[0]} cannot be an argument: the angle that replaces states depends on its value",
             help="leave it out of parameters=[...], or leave out minimal=True",
         )
     return chosen if chosen is not None else [k for k in range(len(compiled.parameters)) if k not in form.bound]
@@ -205,7 +205,7 @@ _ROUNDING = 1e-9
 def events_of(compiled: CompiledModel, wanted: Sequence[Output]) -> tuple[CasadiEvents, StartPoint]:
     """The functions of events, and the start after its events.
 
-    Raises ExportError: AC610 for friction elements whose shares of a load are statically undetermined.
+    Raises ExportError: AC610 if the distribution of a load among friction elements is statically indeterminate.
     """
     s = Symbols(compiled)
     rates = compiled.rhs(*s.inputs)
@@ -231,11 +231,13 @@ def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
         "init is the start before its events, x.start, z.start and events.m.start after them",
     ]
     if resets or events.relations:
-        notes.append("events that follow one another ever faster, and sliding, are not ended: that is the loop's")
+        notes.append(
+            "events that follow one another ever faster, and sliding modes, are not resolved: the caller's loop has to"
+        )
     if events.flags:
         notes.append(
             "initial() and terminal() are false in events: x.start, z.start and events.m.start are those "
-            "after initial() for the declared parameters; for others, what initial() sets is the loop's"
+            "after initial() for the declared parameters; for others, the caller's loop has to set what initial() sets"
         )
     return tuple(notes)
 
@@ -243,7 +245,7 @@ def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
 def _react(compiled: CompiledModel, hybrid: HybridStep) -> Any:
     """Function `(t, x, z, u, p, m, ticks) -> (x, z, m, settled)`: the values after the events of an instant.
 
-    An integer that gets a fraction is nan.
+    An integer variable that gets a fractional value becomes nan.
     """
     settling = hybrid.settling
     sizes = (1, len(compiled.states), len(compiled.algebraic), len(compiled.inputs), len(compiled.parameters))
@@ -251,17 +253,17 @@ def _react(compiled: CompiledModel, hybrid: HybridStep) -> Any:
     m, ticks = ca.MX.sym("m", compiled.n_modes), ca.MX.sym("ticks", settling.samples.stop - settling.samples.start)
     parts = [0, compiled.n_timely, compiled.n_modes]
     after = ca.vertcat(ca.vertsplit(compiled.modes(t, p), parts)[0], ca.vertsplit(m, parts)[1])
-    x_after, *found = settling.settled(t, _unmoved(compiled)(x, m), z, u, p, after, m, ticks, 0)
-    found = [hybrid.whole_numbers(x_after), *found]
-    return ca.Function(
-        "react", [t, x, z, u, p, m, ticks], found, [*_ARGUMENTS, "ticks"], ["x_after", "z_after", "m_after", "settled"]
-    )
+    x_after, *rest = settling.settled(t, _without_rounding(compiled)(x, m), z, u, p, after, m, ticks, 0)
+    results = [hybrid.whole_numbers(x_after), *rest]
+    names = ["x_after", "z_after", "m_after", "settled"]
+    return ca.Function("react", [t, x, z, u, p, m, ticks], results, [*_ARGUMENTS, "ticks"], names)
 
 
-def _unmoved(compiled: CompiledModel) -> Any:
+def _without_rounding(compiled: CompiledModel) -> Any:
     """Function `(x, m) -> x` that removes the rounding errors of an integrator from discrete variables.
 
-    `change(d)` and `edge(b)` compare values exactly; `pre(d)` and integers are known exactly.
+    `change(d)` and `edge(b)` compare values exactly. The exact value is that of `pre(d)`, or the nearest integer of a
+    boolean or integer.
     """
     s, events, reduced = Symbols(compiled), compiled.state_events, compiled.solution.structure.reduced
     x, first = ca.SX(s.x), compiled.n_timely + len(events.samples)
@@ -276,11 +278,11 @@ def _unmoved(compiled: CompiledModel) -> Any:
         if exact is not None:
             moved = ca.fabs(s.x[k] - exact) > _ROUNDING * (ca.fabs(exact) + compiled.nominal_x[k])
             x[k] = ca.if_else(moved, s.x[k], exact)
-    return ca.Function("unmoved", [s.x, s.m], [ca.densify(x)])
+    return ca.Function("without_rounding", [s.x, s.m], [ca.densify(x)])
 
 
 def _clocks(compiled: CompiledModel) -> Any:
-    """Function `(p) -> (first, interval)` of all samples."""
+    """Function `(p) -> (first, interval)`: first instant and interval [s] of each sample."""
     pool, s = compiled.solution.structure.reduced.pool, Symbols(compiled)
     builder = s.builder(compiled)
     pairs = [builder.lower(pool.nodes[n][1:]) for n in compiled.state_events.samples]

@@ -12,7 +12,7 @@ from acausal.arrays import Vector
 from acausal.export.step.defect import bends, defect
 from acausal.export.step.stable import differences, unstable
 
-# For variables divided by their nominal magnitude, and residuals divided by `sizes`.
+# Options for variables divided by their nominal magnitude, and residuals divided by `sizes` (see `newton`).
 NEWTON = {"abstol": 1e-14, "abstolStep": 1e-11, "max_iter": 200, "error_on_fail": True}
 
 
@@ -39,15 +39,15 @@ def ode_of(dae: Any, z0: Vector, nominal: Vector, start: Sequence[Any]) -> Any:
 
 
 def newton(name: str, residual: Any, at: Any, known: Any) -> Any:
-    """Rootfinder of `(z, q) -> r` that converges by the step, or by a residual small relative to its terms.
+    """Rootfinder of `(z, q) -> r` that stops on a small step, or on a residual that is small relative to its terms.
 
-    Residuals have different units, and one in picocoulombs is small everywhere: a residual whose terms are small at
-    z = `at` and q = `known` is divided by a power of two.
+    Residuals have different units, and one in picocoulombs is small everywhere. Therefore a residual whose terms are
+    small at z = `at` and q = `known` is divided by a power of two (exactly representable).
     """
     slope = residual.factory("slope", ["z", "q"], ["jac:r:z"])(at, known)
-    reach = np.array(ca.fabs(slope) @ (1 + ca.fabs(at))).ravel()
-    is_small = np.isfinite(reach) & (reach > 0.0) & (reach < 1.0)
-    sizes = np.where(is_small, 2.0 ** np.floor(np.log2(np.where(is_small, reach, 1.0))), 1.0)
+    magnitude = np.array(ca.fabs(slope) @ (1 + ca.fabs(at))).ravel()
+    is_small = np.isfinite(magnitude) & (magnitude > 0.0) & (magnitude < 1.0)
+    sizes = np.where(is_small, 2.0 ** np.floor(np.log2(np.where(is_small, magnitude, 1.0))), 1.0)
     z, q = residual.sx_in()
     sized = ca.Function("residual", [z, q], [residual(z, q) / ca.DM(sizes)], ["z", "q"], ["r"])
     return ca.rootfinder(name, "newton", sized, NEWTON)
@@ -79,7 +79,7 @@ def step_of(ode: Any) -> Any:
 
 
 def _classical(ode: Any, t: Any, x: Any, u: Any, p: Any, h: Any) -> tuple[Any, Any]:
-    """(x, rates at the start) of a step of the classical Runge-Kutta method."""
+    """(x at the end, rates at the start) of a step of the classical Runge-Kutta method."""
     k1 = ode(t, x, u, p)[0]
     k2 = ode(t + h / 2, x + h / 2 * k1, u, p)[0]
     k3 = ode(t + h / 2, x + h / 2 * k2, u, p)[0]
@@ -88,7 +88,10 @@ def _classical(ode: Any, t: Any, x: Any, u: Any, p: Any, h: Any) -> tuple[Any, A
 
 
 def step_error_of(ode: Any, nominal: Sequence[float]) -> Any:
-    """Function `(t, x, u, p, h) -> error` of `step_of`, see `acausal.export.step.defect`; `nominal` has shape (nx,)."""
+    """Function `(t, x, u, p, h) -> error`: error estimate of `step_of`, see `acausal.export.step.defect`.
+
+    `nominal`: nominal magnitudes of the states, shape (nx,).
+    """
     t, x, u, p, h = given = _arguments_of_step(ode)
     after, first = _classical(ode, *given)
     bend = bends(h, x, first, after, ode(t + h, after, u, p)[0])
@@ -118,7 +121,7 @@ def _arguments_of_step(ode: Any) -> list[Any]:
 
 
 def depends_on_time(functions: Sequence[Any]) -> bool:
-    """Whether an output of one of them depends on its argument t."""
+    """Whether an output of any of the functions depends on its argument t."""
     timed = [f for f in functions if "t" in f.name_in()]
     return any(f.jac_sparsity(k, f.index_in("t")).nnz() for f in timed for k in range(f.n_out()))
 
@@ -126,16 +129,16 @@ def depends_on_time(functions: Sequence[Any]) -> bool:
 def with_fixed_arguments(function: Any, time: float | None, chosen: Sequence[int] | None, values: Vector) -> Any:
     """The function with t fixed to `time` [s] and all but the `chosen` parameters fixed to `values`, shape (np,).
 
-    None for either keeps these arguments.
+    `time` or `chosen` of None keeps t or all of p as arguments.
     """
     names = [function.name_in(k) for k in range(function.n_in())]
-    leaves_t, leaves_p = time is not None and "t" in names, chosen is not None and "p" in names
-    if not (leaves_t or leaves_p):
+    fixes_t, fixes_p = time is not None and "t" in names, chosen is not None and "p" in names
+    if not (fixes_t or fixes_p):
         return function
     kind: Any = ca.SX if function.is_a("SXFunction") else ca.MX
     outer, inner, remaining_names = [], [], []
     for k, name in enumerate(names):
-        if name == "t" and leaves_t:
+        if name == "t" and fixes_t:
             inner.append(kind(time))
             continue
         size = len(chosen) if name == "p" and chosen is not None else function.sparsity_in(k)

@@ -1,10 +1,10 @@
 """Coordinates with angles in place of states that a constraint keeps on a circle, for optimal control.
 
 A model may have more states than degrees of freedom: a rod in x and y is stabilised, so that runs stay on
-x**2 + y**2 == L**2. An optimisation over all of them has dependent constraints, and a metric in which the path over the
-top is long. Every constraint whose positions form an ellipse in two combinations of states, a(q)**2 + b(q)**2 == 1, is
-replaced: a = sin(theta), b = -cos(theta), with theta and its rate as states. They cover the whole circle, any number of
-turns; other constraints remain stabilised.
+x**2 + y**2 == L**2. An optimisation over all these states has linearly dependent constraints, and a metric in which the
+path over the top is long. Every constraint that describes an ellipse in two linear combinations of states,
+a(q)**2 + b(q)**2 == 1, is replaced by a = sin(theta), b = -cos(theta), with theta and its rate as states. These cover
+any number of turns; other constraints remain stabilised.
 
 Source: local coordinates, E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), VII.2; invariants in
 boundary value problems, V. H. Schulz, H. G. Bock, M. C. Steinbach, SIAM J. Sci. Comput. 19 (1998) 440-467.
@@ -40,7 +40,7 @@ class Coordinates:
     expand
         SX function `(c) -> x`; `reduce` is `(x) -> c`, with angles between -pi and pi.
     bound
-        Indices in p of the parameters that the circles depend on: the coordinates are valid for their values only.
+        Indices in p of the parameters that the circles depend on: the coordinates hold only for their given values.
     complete
         Whether the angles replace all stabilised constraints of the model.
     """
@@ -79,8 +79,8 @@ class Coordinates:
         first, n = len(self.kept), self.angles
         theta, omega = c[first : first + n], c[first + n :]
         second = ca.reshape(ca.DM(self.functionals) @ ode[list(self.rates)], n, 2)
-        turning = ca.cos(theta) * second[:, 0] + ca.sin(theta) * second[:, 1]
-        rates = ca.vertcat(ode[list(self.kept)], omega, turning)
+        angular_acceleration = ca.cos(theta) * second[:, 0] + ca.sin(theta) * second[:, 1]
+        rates = ca.vertcat(ode[list(self.kept)], omega, angular_acceleration)
         return ca.Function("dae", arguments, [rates, alg, y], dae.name_in(), dae.name_out())
 
     def inside(self, function: Any) -> Any:
@@ -113,7 +113,7 @@ def coordinates_of(compiled: CompiledModel, ports: Ports, x: Vector, p: Vector) 
         dependent = _dependent_states(rows)
         if dependent is not None:
             bound = frozenset(k for c in circles for k in c.bound)
-            # of each circle the model has the positions and the velocities
+            # each circle is a constraint on positions and its derivative, one on velocities
             complete = 2 * len(circles) == len(compiled.solution.structure.invariants)
             return replace(_with_angles(ports, rows, offset, dependent, rates), bound=bound, complete=complete)
     c = ca.SX.sym("x", nx)
@@ -122,7 +122,7 @@ def coordinates_of(compiled: CompiledModel, ports: Ports, x: Vector, p: Vector) 
 
 
 def _rates(compiled: CompiledModel) -> dict[int, int]:
-    """Maps the index of each state whose rate is another state to the index of that."""
+    """Map the index of each state whose rate is another state to the index of that other state."""
     s = Symbols(compiled)
     ode = compiled.rhs(*s.inputs)[0]
     x = ca.vertsplit(s.x)
@@ -175,7 +175,7 @@ def _circle(H: Vector, b: Vector, constant: float, x: Vector) -> _Circle | None:
     a, c = rows @ (x - centre)
     if np.hypot(a, c) < 0.5:
         return None
-    # rotated so that the start is at (0, -1), and mirrored so that its last state increases with the angle
+    # rotate so that the start is at (0, -1), and mirror so that the last of the dominant states grows with the angle
     turn = np.array([[-c, a], [-a, -c]]) / np.hypot(a, c)
     rows = turn @ rows
     leading = int(np.flatnonzero(np.abs(rows[0]) > 0.999 * np.abs(rows[0]).max())[-1])
@@ -199,30 +199,33 @@ def _with_angles(
     ports: Ports, rows: Vector, offset: Vector, dependent: list[int], rates: dict[int, int]
 ) -> Coordinates:
     n, nx = len(rows) // 2, len(ports)
-    moving = [rates[k] for k in dependent]
-    kept = [k for k in range(nx) if k not in dependent and k not in moving]
+    dependent_rates = [rates[k] for k in dependent]
+    kept = [k for k in range(nx) if k not in dependent and k not in dependent_rates]
     first = len(kept)
     c, x = ca.SX.sym("c", first + 2 * n), ca.SX.sym("x", nx)
     theta, omega = c[first : first + n], c[first + n :]
-    at, turning = ca.vertcat(ca.sin(theta), -ca.cos(theta)), ca.vertcat(ca.cos(theta) * omega, ca.sin(theta) * omega)
+    point, velocity = (
+        ca.vertcat(ca.sin(theta), -ca.cos(theta)),
+        ca.vertcat(ca.cos(theta) * omega, ca.sin(theta) * omega),
+    )
     inverse = np.linalg.inv(rows[:, dependent])
     free = [k for k in np.flatnonzero(rows.any(0)).tolist() if k not in dependent]
     full: Any = ca.SX(nx, 1)
     full[kept] = c[:first]
-    full[dependent] = ca.DM(inverse) @ (at + ca.DM(offset) - ca.DM(rows[:, free]) @ full[free])
-    along = [rates[k] for k in free]
-    full[moving] = ca.DM(inverse) @ (turning - ca.DM(rows[:, free]) @ full[along])
+    full[dependent] = ca.DM(inverse) @ (point + ca.DM(offset) - ca.DM(rows[:, free]) @ full[free])
+    free_rates = [rates[k] for k in free]
+    full[dependent_rates] = ca.DM(inverse) @ (velocity - ca.DM(rows[:, free]) @ full[free_rates])
     places = np.flatnonzero(rows.any(0)).tolist()
     functionals, speeds = rows[:, places], [rates[k] for k in places]
-    here = ca.DM(functionals) @ x[places] - ca.DM(offset)
-    moves = ca.DM(functionals) @ x[speeds]
-    angle = ca.atan2(here[:n], -here[n:])
-    rate = ca.cos(angle) * moves[:n] + ca.sin(angle) * moves[n:]
+    point_of_x = ca.DM(functionals) @ x[places] - ca.DM(offset)
+    velocity_of_x = ca.DM(functionals) @ x[speeds]
+    angle = ca.atan2(point_of_x[:n], -point_of_x[n:])
+    rate = ca.cos(angle) * velocity_of_x[:n] + ca.sin(angle) * velocity_of_x[n:]
     names = [", ".join(ports[k].name for k in np.flatnonzero(np.abs(rows[[j, n + j]]).any(0))) for j in range(n)]
     angles = [Port(f"angle({name})", "rad", "Angle on the circle of a constraint, 0 at the start") for name in names]
-    turns = [Port(f"der(angle({name}))", "rad/s", "Rate of the angle") for name in names]
+    angular_rates = [Port(f"der(angle({name}))", "rad/s", "Rate of the angle") for name in names]
     return Coordinates(
-        Ports([*(ports[k] for k in kept), *angles, *turns]),
+        Ports([*(ports[k] for k in kept), *angles, *angular_rates]),
         tuple(kept),
         n,
         ca.Function("expand", [c], [full]),

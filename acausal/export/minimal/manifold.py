@@ -1,9 +1,9 @@
 """Minimal coordinates on stabilised constraints: two states for each degree of freedom.
 
-The constraints g(t, x, u) = 0 of all levels determine as many states as there are constraints. These dependent states
-are functions of the others by the implicit function theorem; along such motions the stabilisation vanishes, so that its
-poles do not appear. Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), VII.2, local state
-space form.
+The constraints g(t, x, u) = 0 of all levels (positions and velocities) determine as many states as there are
+constraints. These dependent states are functions of the others by the implicit function theorem. For motions on the
+constraints the stabilisation terms vanish, so that their poles do not appear. Source: E. Hairer, G. Wanner, Solving
+Ordinary Differential Equations II (1996), VII.2, local state space form.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.start.initialize import Start
 from acausal.simulate.start.nearest import nearest_on_constraints
 
-_RANK = 1e-9  # smallest relative pivot that counts for the rank
-_WORST = 100.0  # allowed loss of condition for preferred coordinates, relative to the best ones
+_RANK = 1e-9  # pivots below this fraction of the largest one do not count for the rank
+_WORST = 100.0  # preferred coordinates may have a condition number this many times that of the best ones
 
 
 @dataclass(frozen=True, eq=False)
 class Minimal:
-    """Indices of n minimal coordinates among the states, and the derivatives of all states by them and by inputs.
+    """Indices `places` of n minimal coordinates among the states, and derivatives of all states by these and by inputs.
 
     `of_coordinates` has shape (nx, n), `of_inputs` (nx, nu).
     """
@@ -39,9 +39,9 @@ class Minimal:
 
 
 def minimal(compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vector, m: Vector) -> Minimal:
-    """The best conditioned minimal coordinates at a point; all states without stabilised constraints.
+    """The best-conditioned minimal coordinates at a point; all states if there are no stabilised constraints.
 
-    Discrete variables are among them always: no constraint sets what only events change.
+    Discrete variables are always among them: no constraint determines a variable that only events change.
 
     `u`, `p`, `m`: shapes (nu,), (np,), (nm,). Raises ExportError: AC604 where the constraints are dependent.
     """
@@ -66,18 +66,18 @@ def minimal(compiled: CompiledModel, t: float, start: Start, u: Vector, p: Vecto
 
 def _dependent_states(compiled: CompiledModel, slope: Vector) -> list[int]:
     """Indices of the dependent states, preferably without a fixed start; `slope` is dg/dx scaled, shape (n_g, nx)."""
-    moving = compiled.state_variables[: len(compiled.state_variables) - compiled.discretes]
-    slope = slope[:, : len(moving)]
-    wished = np.array([0.01 if v in compiled.start.direct else 1.0 for v in moving])
-    best = _pivots(slope, np.ones(len(wished)))
-    found = _pivots(slope, wished)
-    if _condition(slope, found) <= _WORST * _condition(slope, best):
-        return found
+    continuous = compiled.state_variables[: len(compiled.state_variables) - compiled.discretes]
+    slope = slope[:, : len(continuous)]
+    weight = np.array([0.01 if v in compiled.start.direct else 1.0 for v in continuous])
+    best = _pivots(slope, np.ones(len(weight)))
+    preferred = _pivots(slope, weight)
+    if _condition(slope, preferred) <= _WORST * _condition(slope, best):
+        return preferred
     return best
 
 
 def _is_regular(slope: Vector) -> bool:
-    """Whether the constraints have full generic rank: no singular value is small without being zero."""
+    """Whether the rank of the constraints is clear: no singular value is small without being zero up to rounding."""
     sizes = np.linalg.svd(slope, compute_uv=False)
     small = (sizes <= 1e-6 * sizes[0]) & (sizes > 1e-13 * sizes[0])
     return len(slope) <= slope.shape[1] and not small.any()
@@ -101,19 +101,19 @@ def on_constraints(
 ) -> Start:
     """The point on the constraints nearest to `start`.
 
-    States at the indices `held` and discrete variables keep their values; so do states with a fixed start, where that
-    is possible.
+    States at the indices `held` and discrete variables keep their values, and so do states with a fixed start if
+    possible.
 
-    Raises ExportError: AC609 where there is none.
+    Raises ExportError: AC609 if there is no such point.
     """
     if not compiled.solution.structure.invariants:
         return start
     fixed = {k for k, v in enumerate(compiled.state_variables) if v in compiled.start.direct}
-    still = {*held, *range(len(start.x) - compiled.discretes, len(start.x))}
-    found = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, {*still, *fixed})
-    if found is None:
-        found = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, still)
-    if found is None:
+    constant = {*held, *range(len(start.x) - compiled.discretes, len(start.x))}
+    nearest = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, {*constant, *fixed})
+    if nearest is None:
+        nearest = nearest_on_constraints(compiled, t, start.x, start.z, u, p, m, constant)
+    if nearest is None:
         names = [f"{compiled.states[k]} = {start.x[k]:g}" for k in held]
         raise ExportError(
             "AC609",
@@ -122,7 +122,7 @@ def on_constraints(
             cause="more states are given than the degrees of freedom, or the mechanism does not reach there",
             help="give as many states as there are degrees of freedom, and their rates; the others follow",
         )
-    return Start(found, start.z, start.notes)
+    return Start(nearest, start.z, start.notes)
 
 
 def _singular(compiled: CompiledModel, t: float) -> ExportError:
@@ -130,5 +130,5 @@ def _singular(compiled: CompiledModel, t: float) -> ExportError:
         "AC604",
         f"{compiled.name} has no linearization at t = {t:g} s: its constraints depend on each other there",
         cause="a mechanism that is stretched out or folds back exactly at this point",
-        help="linearize at a time or states beside it",
+        help="linearise slightly before or after it, or at other states",
     )

@@ -1,9 +1,9 @@
 """A model's functions in minimal coordinates: two states for each degree of freedom.
 
-Where every stabilised constraint keeps states on a circle, angles replace them (`coordinates.py`). Elsewhere the states
-that the constraints determine become algebraic variables, with the constraints as their equations: index 1, because the
-constraints of all levels determine as many states as there are. This is valid up to the next singular position of the
-dependent states chosen at the start.
+If every stabilised constraint keeps states on a circle, angles replace these states (`coordinates.py`). Otherwise the
+states that the constraints determine become algebraic variables, with the constraints as their equations. The result
+has index 1, because the constraints of all levels determine as many states as there are constraints. It is valid until
+the choice of dependent states, made at the start, becomes singular.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from acausal.simulate.start.initialize import Start
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """`dae`, `init`, `invariants`, x and z of a `CasadiModel`; `bound` are indices in p of values fixed in it."""
+    """`dae`, `init`, `invariants`, x and z of a `CasadiModel`; `bound`: indices in p of values on which it depends."""
 
     dae: Any
     init: Any
@@ -37,21 +37,21 @@ class Form:
 
 
 def invariants_of(compiled: CompiledModel, functions: Any) -> Any:
-    """Function `(t, x, z, u, p) -> (position, velocity)`: stabilised constraints as stated, and differentiated.
+    """Function `(t, x, z, u, p) -> (position, velocity)`: residuals of stabilised constraints, and their derivatives.
 
-    `functions`: the dae of the model, which defines the arguments.
+    `functions`: the `dae` of the model, whose arguments it shares.
     """
     arguments = functions.sx_in()
     g = compiled.constraints(*arguments, compiled.all_modes(*arguments))[0]
     structure = compiled.solution.structure
     stated = [k for k, (e, _) in enumerate(structure.invariants) if e not in structure.integral]
-    rest = [k for k in range(len(structure.invariants)) if k not in stated]
-    levels = [ca.densify(g[rows]) if rows else ca.SX(0, 1) for rows in (stated, rest)]
+    derived = [k for k in range(len(structure.invariants)) if k not in stated]
+    levels = [ca.densify(g[rows]) if rows else ca.SX(0, 1) for rows in (stated, derived)]
     return ca.Function("invariants", arguments, levels, functions.name_in(), ["position", "velocity"])
 
 
 def minimal_form(compiled: CompiledModel, form: Form, point: tuple[float, Vector, Vector, Vector, Vector]) -> Form:
-    """The form in minimal coordinates; unchanged without stabilised constraints.
+    """The form in minimal coordinates; unchanged if there are no stabilised constraints.
 
     `point`: `(t, x, z, u, p)`, a time [s] and vectors of shapes (nx,), (nz,), (nu,), (np,).
 
@@ -69,7 +69,9 @@ def minimal_form(compiled: CompiledModel, form: Form, point: tuple[float, Vector
     x0, z0 = form.init(parameters)
     init = ca.Function("init", [parameters], [coordinates.reduce(x0), z0], ["p"], ["x0", "z0"])
     bound = [compiled.parameters[k] for k in sorted(coordinates.bound)]
-    notes = (f"p does not hold {', '.join(bound)}: angles stand on the values given here",) if bound else ()
+    notes = (
+        (f"p does not contain {', '.join(bound)}: the angles are valid for their present values only",) if bound else ()
+    )
     dae = coordinates.equations(form.dae)
     return Form(dae, init, _no_invariants(dae), ports, form.z, coordinates.bound, notes)
 
@@ -90,15 +92,15 @@ def _with_dependent_states(
     *_, order = scipy.linalg.qr(slope.T, mode="economic", pivoting=True)
     rows = sorted(order[: len(dependent)].tolist())
     c, w = ca.SX.sym("x", len(places)), ca.SX.sym("z", len(z) + len(dependent))
-    own, rest = ca.vertsplit(w, [0, len(z), w.numel()])
+    algebraic, dependent_x = ca.vertsplit(w, [0, len(z), w.numel()])
     whole = ca.SX(len(x), 1)
-    whole[places], whole[dependent] = c, rest
-    ode, alg, y = form.dae(symbols[0], whole, own, *symbols[3:])
-    bound = ca.vertcat(*form.invariants(symbols[0], whole, own, *symbols[3:]))[rows]
+    whole[places], whole[dependent] = c, dependent_x
+    ode, alg, y = form.dae(symbols[0], whole, algebraic, *symbols[3:])
+    constraints = ca.vertcat(*form.invariants(symbols[0], whole, algebraic, *symbols[3:]))[rows]
     dae = ca.Function(
         "dae",
         [symbols[0], c, w, *symbols[3:]],
-        [ca.densify(v) for v in (ode[places], ca.vertcat(alg, bound), y)],
+        [ca.densify(v) for v in (ode[places], ca.vertcat(alg, constraints), y)],
         names,
         ["ode", "alg", "y"],
     )
@@ -112,6 +114,6 @@ def _with_dependent_states(
 
 
 def _no_invariants(dae: Any) -> Any:
-    """The function `invariants` without constraints."""
+    """The function `invariants` of a model without stabilised constraints."""
     arguments = dae.sx_in()
     return ca.Function("invariants", arguments, [ca.SX(0, 1), ca.SX(0, 1)], dae.name_in(), ["position", "velocity"])

@@ -1,9 +1,10 @@
 """Linear maps of a run, stretch by stretch and event by event, composed in forward or adjoint order.
 
 Between events, the steps of a one-step method are differentiated exactly (`acausal/export/variation/`). The adjoint
-form is the transpose of the forward one, in reverse order.
+form applies the transposed maps in reverse order.
 
-The carried variables are the states, followed by the values of `pre` that differ from states: `size` of them.
+The carried variables are the states, followed by the values of `pre` that are not states: `size` in all. A variation is
+the derivative of these with respect to a parameter.
 """
 
 from __future__ import annotations
@@ -32,14 +33,15 @@ from acausal.simulate.events.regime import Regime
 
 # Relative distance below which two instants coincide.
 _APART = 1e-12
-# Share of a run to which its instants are known at best, and how many times as uncertain one of them may be.
+# Smallest uncertainty of an instant, as a fraction of the run, and the largest one in units of the smallest.
 _ROUNDED, _MOST_UNCERTAIN = 1e-13, 1e10
-# Tolerance of the rough variations that tell how large they get, and the number of points of a stretch to look at.
-_ROUGH, _LOOKS = 1e-5, 5
-# So many times as large as the variations are those that the rough ones have told, if they are wrong; how often to try.
-_FAR, _AGAIN = 100.0, 3
-# How many times the rough tolerance of states rough variations may be wrong, where steps of the states are too long for
-# them.
+# A first, rough integration estimates the magnitude of the variations: its tolerance, and the number of points at which
+# each stretch is evaluated.
+_ROUGH, _POINTS = 1e-5, 5
+# If the estimate exceeds the magnitude of the accurate variations by more than this factor, these are computed again
+# with their own magnitude, at most until the given number of attempts.
+_FAR, _ATTEMPTS = 100.0, 3
+# Tolerance of rough variations, in tolerances of rough states, where the steps of the states are too long for them.
 _LOOSE = 1e4
 
 
@@ -47,7 +49,7 @@ _LOOSE = 1e4
 class Derivatives:
     """d outputs / d parameters at the end, shape (ny, count), d event times / d parameters, shape (n_events, count).
 
-    `wrong` is what is known to be wrong in the first, same shape, since shorter steps would not make it better.
+    `wrong`: the error of `final` that is known and that shorter steps would not reduce, same shape.
     """
 
     final: Vector
@@ -59,7 +61,7 @@ T = TypeVar("T")
 
 
 class Chain:
-    """The linear maps of a run, for `count` parameters with the indices `chosen` in p."""
+    """The linear maps of a run, for the `count` parameters with the indices `chosen` in p."""
 
     def __init__(self, run: Run, chosen: list[int], wanted: Sequence[Output], tolerance: float) -> None:
         assert run.hybrid is not None, "a traced run records its events"
@@ -75,31 +77,33 @@ class Chain:
         self._events: dict[int, tuple[Vector, Vector, Vector, Vector]] = {}
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.stiffness, self.native = Stiffness(), run.options.native
-        self.asked: list[tuple[Accuracy, list[int], Vector]] = []
-        """What has been asked of variations, of which carried variables, in which scale."""
+        self.requests: list[tuple[Accuracy, list[int], Vector]] = []
+        """Of each integration of variations: its accuracy, the indices of its carried variables, and their scale."""
         self.hybrid = run.hybrid
         self.marks = self._marks(run.options.max_step)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
         self.terminal = own[-1] if run.hybrid.terminated and own else None
-        """Index of the event that ended the run, if any; its instant, at which final values are taken, moves."""
+        """Index of the event that ended the run, if any; the instant of the final values moves with it."""
 
     def _marks(self, longest: float | None) -> Vector:
         """Instants [s] between events at which a step of a variation must end, so as not to step over a burst; (k,).
 
-        The states may not show the burst, if it is multiplied by a parameter that is zero. If steps of the run are
-        bounded by `longest` [s], because not all kinks are located, so are the steps of the variations.
+        The states need not show the burst, for instance if it is multiplied by a parameter that is zero. If the steps
+        of the run are limited to `longest` [s], because not all kinks are located, so are those of the variations.
         """
         first, hybrid = self.passages[0].time, self.hybrid
-        found = [np.zeros(0) if longest is None else np.arange(first, self.stop, longest)]
+        instants = [np.zeros(0) if longest is None else np.arange(first, self.stop, longest)]
         for k in range(len(self.passages)):
-            own = self.stretch(k)
-            if hybrid.missed_events is not None and own.end > own.start:
-                times = np.linspace(own.start, own.end, 3)[1:]
-                segment = replace(hybrid.template, start=own.start, times=times, x=own.x, z=own.z, p=own.m)
-                found.append(hybrid.missed_events.candidates(own.regime.problem, segment))
-        marks = np.unique(np.concatenate(found))
-        far = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
-        return np.asarray(marks[far])
+            stretch = self.stretch(k)
+            if hybrid.missed_events is not None and stretch.end > stretch.start:
+                times = np.linspace(stretch.start, stretch.end, 3)[1:]
+                segment = replace(
+                    hybrid.template, start=stretch.start, times=times, x=stretch.x, z=stretch.z, p=stretch.m
+                )
+                instants.append(hybrid.missed_events.candidates(stretch.regime.problem, segment))
+        marks = np.unique(np.concatenate(instants))
+        is_distinct = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
+        return np.asarray(marks[is_distinct])
 
     def event(self, k: int) -> tuple[Vector, Vector, Vector, Vector]:
         """The maps over passage `k`, see `Saltation`."""
@@ -109,71 +113,71 @@ class Chain:
 
     @cached_property
     def scale(self) -> Vector:
-        """Largest variations of the carried variables over the run, roughly, shape (size, count)."""
-        x, own = self.start(), Stiffness()
+        """Rough magnitude of the variations over the run: their largest values, shape (size, count)."""
+        x, stiffness = self.start(), Stiffness()
         largest = np.abs(x)
         for k in range(len(self.passages)):
             by_x, by_p, *_ = self.event(k)
             x = by_x @ x + by_p
             largest = np.maximum(largest, np.abs(x))
-            x, reached = self._reached(self.stretch(k), x, largest, own)
+            x, reached = self._reached(self.stretch(k), x, largest, stiffness)
             largest = np.maximum(largest, reached)
         return largest
 
     def _reached(self, stretch: Stretch, x: Vector, largest: Vector, stiffness: Stiffness) -> tuple[Vector, Vector]:
         """(Variations at the end of a stretch, largest ones on it), roughly; shapes (size, count).
 
-        `x` are those at its start, `largest` those before. Where steps of the states meet slopes that are nearly
-        infinite, rough variations may get a billion times too large: what grows so much is looked at with steps of its
-        own.
+        `x` are those at its start, `largest` the largest before it. Where the steps of the states meet nearly infinite
+        slopes, rough variations may become a billion times too large. Therefore a stretch with such growth is
+        integrated again, with steps that are short enough for the variations.
         """
         before = replace(stiffness)
-        there = [x, *stretch.roughly(x, stiffness, None)]
-        reached = np.abs(there).max(axis=0)
+        points = [x, *stretch.roughly(x, stiffness, None)]
+        reached = np.abs(points).max(axis=0)
         if ((reached > _FAR * largest) & (largest > 0.0)).any():
-            there = [x, *stretch.roughly(x, before, np.where(largest > 0.0, largest, reached))]
-            reached = np.abs(there).max(axis=0)
-        return there[-1], reached
+            points = [x, *stretch.roughly(x, before, np.where(largest > 0.0, largest, reached))]
+            reached = np.abs(points).max(axis=0)
+        return points[-1], reached
 
     @cached_property
     def uncertain(self) -> list[float]:
-        """By how much the instant of each passage may be wrong [s]."""
-        found = []
+        """Uncertainty of the instant of each passage [s]."""
+        uncertainties = []
         for passage in self.passages:
-            known = _ROUNDED * max(abs(passage.time), self.stop - self.passages[0].time)
+            error = _ROUNDED * max(abs(passage.time), self.stop - self.passages[0].time)
             if passage.guard is not None:
                 rates, noises = self.hybrid.guards.rates(passage.time, passage.left)
                 rate, noise = abs(float(rates[passage.guard])), float(noises[passage.guard])
-                known = max(known, min(0.1 * noise / rate, known * _MOST_UNCERTAIN) if rate else 0.0)
-            found.append(known)
-        return found
+                error = max(error, min(0.1 * noise / rate, error * _MOST_UNCERTAIN) if rate else 0.0)
+            uncertainties.append(error)
+        return uncertainties
 
     def forward(self) -> Derivatives:
-        """Derivatives by a sweep forward, with a column for each parameter."""
+        """Derivatives by a forward sweep, with a column for each parameter."""
         return self._judged(self._forward)
 
     def _judged(self, derive: Callable[[], Derivatives]) -> Derivatives:
-        """The results of a method, again where it finds variations that are far from what the rough ones have told."""
-        self.asked.clear()
+        """The results of `derive`, repeated if its variations are far smaller than their estimated magnitude."""
+        self.requests.clear()
         found = derive()
-        for _ in range(1, _AGAIN):
+        for _ in range(1, _ATTEMPTS):
             largest = np.abs(self.start())
-            for accuracy, rows, scale in self.asked:
+            for accuracy, rows, scale in self.requests:
                 largest[rows] = np.maximum(largest[rows], accuracy.largest * scale)
             if not (self.scale > _FAR * (largest + LEAST_SHARE * largest.max(axis=0, initial=0.0))).any():
                 break
             self.scale = largest
-            self.asked.clear()
+            self.requests.clear()
             found = derive()
         return found
 
     def _begun(self) -> Vector:
-        """Variations at the start, and as many columns for what will be wrong in them; shape (size, 2 * count)."""
+        """Variations at the start, followed by as many columns for their known errors; shape (size, 2 * count)."""
         x = self.start()
         return np.hstack([x, np.zeros_like(x)])
 
     def _across(self, k: int, x: Vector) -> tuple[Vector, Vector]:
-        """(Variations after event k, of the instant of it), from `x` before; shapes (size, 2 * count), (2 * count,)."""
+        """(Variations after event k, those of its instant), from `x` before; shapes (size, 2 * count), (2 * count,)."""
         by_x, by_p, time_x, time_p = self.event(k)
         found, times = by_x @ x, time_x @ x
         found[:, : self.count] += by_p
@@ -183,9 +187,9 @@ class Chain:
         return found, times
 
     def _ended(self, x: Vector, times: Sequence[Vector]) -> tuple[Vector, Vector]:
-        """(Derivatives of the outputs, what is wrong in them), (ny, count), from variations at the end and of events.
+        """(Derivatives of the outputs, their known errors), (ny, count), from variations `x` at the end and of events.
 
-        Shapes as in `_across`.
+        Shapes of `x` and `times` as in `_across`.
         """
         y_x, y_p, y_t = self.output()
         found = y_x @ x
@@ -211,8 +215,8 @@ class Chain:
             if j < k:
                 x = self.stretch(j).forward(x)
         stretch = self.stretch(k)
-        inside = np.array([t]) if t < stretch.end else np.zeros(0)
-        return next((there for _, _, there in stretch.carry(inside, x)), x)
+        stops = np.array([t]) if t < stretch.end else np.zeros(0)
+        return next((there for _, _, there in stretch.carry(stops, x)), x)
 
     def _ending_rate(self) -> Vector:
         assert self.terminal is not None, "the run has been ended"
@@ -223,10 +227,10 @@ class Chain:
     def trajectory(
         self, times: Vector, states: Callable[[Vector], Vector] | None = None, *, with_errors: bool = False
     ) -> Vector:
-        """d outputs / d parameters at `times`, shape (times, outputs, parameters); at events just after them.
+        """d outputs / d parameters at `times`, shape (times, outputs, parameters); at an event just after it.
 
         `states` maps instants to states of the run, shape (instants, nx); it replaces steps on stretches without
-        variations. `with_errors` doubles the columns: behind the derivatives is what is known to be wrong in them.
+        variations. `with_errors` doubles the columns: the derivatives are followed by their known errors.
         """
         x = self._begun() if with_errors else self.start()
         found = np.zeros((len(times), len(self.wanted), x.shape[1]))
@@ -238,30 +242,30 @@ class Chain:
             until = np.inf if last else self.passages[k + 1].time
             inside = np.flatnonzero((times >= passage.time) & (times < until))
             stretch, at = self.stretch(k), times[inside]
-            w, there = [np.concatenate([stretch.x, stretch.z])], [x]
+            w, variations = [np.concatenate([stretch.x, stretch.z])], [x]
             stops = np.unique(at[at > passage.time])
             if states is not None and self.is_still(stretch.regime, x):
                 w += list(states(stops))
-                there += [x] * len(stops)
+                variations += [x] * len(stops)
             else:
                 x, points = stretch.passed(stops[stops < stretch.end], x)
                 for t, variables, carried in points:
                     if t in stops:
                         w.append(variables)
-                        there.append(carried)
+                        variations.append(carried)
             if not len(inside):
                 continue
-            place = np.searchsorted(stops, at, side="right")
-            found[inside] = self._output_derivatives(stretch, at, np.array(w)[place], np.array(there)[place])
+            index = np.searchsorted(stops, at, side="right")
+            found[inside] = self._output_derivatives(stretch, at, np.array(w)[index], np.array(variations)[index])
         return found
 
     def is_still(self, regime: Regime, x: Vector) -> bool:
-        """Whether variations `x`, shape (size, count), are zero and stay zero under this regime."""
+        """Whether variations `x`, shape (size, count), are zero and remain zero in this regime."""
         slopes = self.variation(regime).slopes
         return not x.any() and slopes.n == slopes.nx and not (slopes.columns >= slopes.n).any()
 
     def is_fast(self) -> bool:
-        """Whether a trajectory needs only compiled steps, or none; in Python it would cost as much as many runs."""
+        """Whether `trajectory` needs compiled steps only, or none; with steps in Python it would cost many runs."""
         still, regimes = not self.start().any(), [passage.happened.moment.regime for passage in self.passages]
         for k, regime in enumerate(regimes):
             _, by_p, *_ = self.event(k)
@@ -271,8 +275,8 @@ class Chain:
     def _output_derivatives(self, stretch: Stretch, times: Vector, w: Vector, x: Vector) -> Vector:
         """d outputs / d parameters at k instants of one stretch, shape (k, ny, count).
 
-        `times`: shape (k,); `w`: variables, shape (k, nx + nz); `x`: variations, shape (k, size, count). With columns
-        of errors behind the variations, so have the derivatives.
+        `times`: shape (k,); `w`: variables, shape (k, nx + nz); `x`: variations, shape (k, size, count). If columns of
+        errors follow the variations, they follow the derivatives, too.
         """
         c, regime, k = self.compiled, stretch.regime, len(times)
         outputs = tuple(output.name for output in self.wanted)
@@ -316,29 +320,29 @@ class Chain:
         return self.slopes.kept(key, lambda: observed_function(self.compiled, self.wanted))
 
     def adjoint(self) -> Derivatives:
-        """The results of `forward`, by one sweep from the end backwards, to which each event adds its time as a row.
+        """The results of `forward`, by one backward sweep from the end, to which each event adds its time as a row.
 
-        A sweep forward comes before it, since steps have to be short enough for the variations.
+        It starts with a forward sweep, because the steps have to be short enough for the variations.
         """
         return self._judged(self._adjoint)
 
     def _adjoint(self) -> Derivatives:
-        x, times, way = self._begun(), [], []
+        x, times, path = self._begun(), [], []
         for k in range(len(self.passages)):
             x, instant = self._across(k, x)
             times.append(instant)
             x, back = self.stretch(k).recorded(x)
-            way.append((self.event(k), back))
+            path.append((self.event(k), back))
         _, wrong = self._ended(x, times)
         rows, total, y_t = self.output()
-        for k, ((on_x, on_p, time_x, time_p), back) in reversed(list(enumerate(way))):
+        for k, ((on_x, on_p, time_x, time_p), back) in reversed(list(enumerate(path))):
             rows, by_p = back(rows)
             total = total + by_p + rows @ on_p
             before = rows @ on_x
             if k == self.terminal:
-                worth = rows[:, : self.nx] @ self._ending_rate()
-                worth[: len(y_t)] += y_t
-                before, total = before + np.outer(worth, time_x), total + np.outer(worth, time_p)
+                by_time = rows[:, : self.nx] @ self._ending_rate()
+                by_time[: len(y_t)] += y_t
+                before, total = before + np.outer(by_time, time_x), total + np.outer(by_time, time_p)
             rows = np.vstack([before, time_x])
             total = np.vstack([total, time_p])
         total = total + rows @ self.start()
@@ -346,7 +350,7 @@ class Chain:
         return Derivatives(total[:count], total[count:][::-1], wrong)
 
     def is_no_event(self, k: int) -> bool:
-        """Whether passage `k` is no event, but a located kink or the middle of a burst."""
+        """Whether passage `k` is not an event of the model, but a located kink or the middle of a burst."""
         passage = self.passages[k]
         if passage.guard is None:
             return True
@@ -359,12 +363,12 @@ class Chain:
         return Stretch(self, k, moment.regime, moment.x, moment.z, moment.m, self.passages[k].time, until)
 
     def variation(self, regime: Regime) -> Variation:
-        """The equations of a regime with their derivatives, cached."""
+        """The variational equations of a regime, cached."""
         key = "variation", regime.holds, regime.border, tuple(self.chosen)
         return self.slopes.kept(key, lambda: Variation(regime.compiled, self.chosen))
 
     def start(self) -> Vector:
-        """Derivatives of the carried variables at the start, before its events, by parameters; shape (size, count)."""
+        """Derivatives by parameters of the carried variables at the start, before its events; shape (size, count)."""
         passage = self.passages[0]
         moment, c = passage.left, self.compiled
         nothing = np.zeros((self.size - self.nx, self.count))
@@ -409,7 +413,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """One stretch without events, from `start` to `end` [s], with x (nx,), z (nz,) and m (nm,) at its start."""
+    """Stretch `number`, free of events, from `start` to `end` [s], with x (nx,), z (nz,) and m (nm,) at its start."""
 
     chain: Chain
     number: int
@@ -424,7 +428,7 @@ class Stretch:
         """Yield (time [s], variables (nx + nz,), variations (size, count)) at `stops`, ascending, and at the end.
 
         `x`: variations at the start, shape (size, count), or (size, 2 * count) as in `Chain`. Without `parameters` the
-        columns are other directions, which the parameters do not change.
+        columns are arbitrary directions, to which the parameters contribute nothing.
         """
         c = self.chain
         if self.end <= self.start:
@@ -432,11 +436,11 @@ class Stretch:
         variation, rows = c.variation(self.regime), self._rows
         slopes = variation.slopes
         scale, variables = slopes.scale[: slopes.nx, None], [*range(c.nx), *range(slopes.nx, slopes.n)]
-        way = self._interval([*stops.tolist(), self.end], variation)
+        interval = self._interval([*stops.tolist(), self.end], variation)
         if parameters:
-            way = replace(way, accuracy=self._accuracy(scale))
+            interval = replace(interval, accuracy=self._accuracy(scale))
         stop_times = {*stops.tolist(), self.end}
-        for t, w, there in variation.carry(way, x[rows] / scale, c.stiffness, c.native, parameters=parameters):
+        for t, w, there in variation.carry(interval, x[rows] / scale, c.stiffness, c.native, parameters=parameters):
             if t not in stop_times:
                 continue
             found = x.copy()
@@ -445,11 +449,10 @@ class Stretch:
 
     def forward(self, x: Vector) -> Vector:
         """Variations at the end due to `x` at the start and to parameters, shapes as in `carry`."""
-
         return self.passed(np.zeros(0), x)[0]
 
     def passed(self, stops: Vector, x: Vector) -> tuple[Vector, list[tuple[float, Vector, Vector]]]:
-        """(Variations at the end; what `carry` yields at `stops` and at the end), columns as in `x`."""
+        """(Variations at the end; the items of `carry` at `stops` and at the end), with as many columns as `x`."""
 
         def carried(x: Vector) -> tuple[Vector, list[tuple[float, Vector, Vector]]]:
             points = list(self.carry(stops, x))
@@ -459,81 +462,81 @@ class Stretch:
         return there, [(t, w, np.pad(v, ((0, 0), (0, x.shape[1] - v.shape[1])))) for t, w, v in points]
 
     def _with_errors(self, x: Vector, carried: Callable[[Vector], tuple[Vector, T]]) -> tuple[Vector, T]:
-        """What `carried` makes of `x`; columns of errors, if it has them, are left out as long as they are zero."""
-        c, before = self.chain, len(self.chain.asked)
+        """The results of `carried` for `x`; its columns of errors, if any, are left out as long as they are zero."""
+        c, before = self.chain, len(self.chain.requests)
         if x.shape[1] > c.count and not x[:, c.count :].any():
-            there, more = carried(x[:, : c.count])
-            if not any(accuracy.noted for accuracy, *_ in c.asked[before:]):
-                return np.hstack([there, np.zeros_like(there)]), more
+            end, other = carried(x[:, : c.count])
+            if not any(accuracy.noted for accuracy, *_ in c.requests[before:]):
+                return np.hstack([end, np.zeros_like(end)]), other
         return carried(x)
 
     def parts(self, ends: Vector) -> Iterator[tuple[float, Vector]]:
-        """Yield (end [s], linear map (size, size)) of each part of the stretch between `ends`, shape (k,)."""
+        """Yield (end [s], linear map (size, size)) of each part of the stretch up to the next of `ends`, shape (k,)."""
         unit = np.eye(self.chain.size)
         here = self
         for end in ends.tolist():
             part = replace(here, end=end)
-            for t, w, through in part.carry(np.zeros(0), unit, parameters=False):
-                yield t, through
+            for t, w, linear_map in part.carry(np.zeros(0), unit, parameters=False):
+                yield t, linear_map
                 here = replace(here, start=t, x=w[: self.chain.nx], z=w[self.chain.nx :])
 
     def recorded(self, x: Vector) -> tuple[Vector, Back]:
-        """(Variations at the end, as from `forward`; what pulls rows, shape (k, size), back over the stretch)."""
+        """(Variations at the end, as from `forward`; function that pulls rows, shape (k, size), back to the start)."""
         return self._with_errors(x, self._recorded)
 
     def _recorded(self, x: Vector) -> tuple[Vector, Back]:
         c = self.chain
         if self.end <= self.start:
             return x, lambda rows: (rows, np.zeros((len(rows), c.count)))
-        variation, places = c.variation(self.regime), self._rows
+        variation, integrated = c.variation(self.regime), self._rows
         scale = variation.slopes.scale[: variation.slopes.nx]
-        way = replace(self._interval([self.end], variation), accuracy=self._accuracy(scale[:, None]))
-        end, own = variation.recorded(way, x[places] / scale[:, None], c.stiffness, c.native)
+        interval = replace(self._interval([self.end], variation), accuracy=self._accuracy(scale[:, None]))
+        end, scaled_back = variation.recorded(interval, x[integrated] / scale[:, None], c.stiffness, c.native)
         there = x.copy()
-        there[places] = end * scale[:, None]
+        there[integrated] = end * scale[:, None]
 
         def back(rows: Vector) -> tuple[Vector, Vector]:
             found = rows.copy()
-            by_x, total = own(rows[:, places] * scale)
-            found[:, places] = by_x / scale
+            by_x, total = scaled_back(rows[:, integrated] * scale)
+            found[:, integrated] = by_x / scale
             return found, total
 
         return there, back
 
     def roughly(self, x: Vector, stiffness: Stiffness, scale: Vector | None) -> Iterator[Vector]:
-        """Variations due to `x` at the start, shape (size, count), and to parameters, at some points; same shape.
+        """Yield rough variations, due to `x` at the start and to parameters, at a few points; shapes (size, count).
 
-        Their steps are as short as variations of this `scale`, same shape, need, or as the states do.
+        Steps are short enough for variations of the magnitude `scale`, same shape, or, if it is None, for the states.
         """
         c = self.chain
         if self.end <= self.start:
             return
         variation = c.variation(self.regime)
         sizes = variation.slopes.scale[: variation.slopes.nx, None]
-        way = self._interval(np.linspace(self.start, self.end, _LOOKS + 1)[1:].tolist(), variation)
-        way = replace(way, tolerance=max(_ROUGH, c.tolerance))
+        interval = self._interval(np.linspace(self.start, self.end, _POINTS + 1)[1:].tolist(), variation)
+        interval = replace(interval, tolerance=max(_ROUGH, c.tolerance))
         if scale is not None:
-            way = replace(way, accuracy=Accuracy(scale[self._rows] / sizes, self._shortest, _LOOSE))
-        for *_, there in variation.carry(way, x[self._rows] / sizes, stiffness, c.native):
+            interval = replace(interval, accuracy=Accuracy(scale[self._rows] / sizes, self._shortest, _LOOSE))
+        for *_, there in variation.carry(interval, x[self._rows] / sizes, stiffness, c.native):
             found = x.copy()
             found[self._rows] = there * sizes
             yield found
 
     def _accuracy(self, scale: Vector) -> Accuracy:
-        """What is asked of variations that are scaled by `scale`, shape (nx, 1)."""
+        """The accuracy required of variations that are scaled by `scale`, shape (nx, 1)."""
         c = self.chain
         found = Accuracy(c.scale[self._rows] / scale, self._shortest)
-        c.asked.append((found, self._rows, scale))
+        c.requests.append((found, self._rows, scale))
         return found
 
     @property
     def _shortest(self) -> float:
-        """By how much the instants of both ends may be wrong [s]."""
+        """Uncertainty of the instants of both ends [s]: shorter steps are pointless."""
         return max(self.chain.uncertain[self.number : self.number + 2])
 
     @cached_property
     def _rows(self) -> list[int]:
-        """Indices, among the carried variables, of the states and of the values of `pre` in the equations."""
+        """Indices, among the carried variables, of the states and of the values of `pre` that the equations read."""
         c, held = self.chain, self.chain.variation(self.regime).slopes.held
         return [*range(c.nx), *(c.nx + k - int(c.slopes.memories[0]) for k in held)]
 

@@ -1,8 +1,9 @@
-"""Detection of rates that jump without an event, below `no_event`, where derivatives would be wrong.
+"""Detection of rates that jump without an event, inside `no_event`, where derivatives would be wrong.
 
-A solver integrates `no_event(sign(x))` with short steps at the jump, whose instant moves with the parameters: that part
-of a derivative would be missing. A function that is continuous there, such as `x*sign(x)`, is differentiable enough.
-Between two rows of a run in which such a relation changes, the instant is located and its two sides are compared.
+A solver integrates `no_event(sign(x))` with short steps at the jump, whose instant moves with the parameters. The
+contribution of this motion to a derivative would be missing. A function that is continuous there, such as `x*sign(x)`,
+causes no error. If such a relation changes between two rows of a run, the instant is located and its two sides are
+compared.
 """
 
 from __future__ import annotations
@@ -26,16 +27,20 @@ from acausal.simulate.events.guards import Moment
 
 _STEPS = frozenset(("sign", "floor", "ceil"))
 _HALVINGS = 60
-# Distances from the instant, in row intervals, at which sides are compared; a true jump shows at both.
+# Sides are compared at two distances from the instant, in row intervals. A jump does not shrink with the distance (by
+# more than the given ratio), and is larger than rounding errors (relative to the rates).
 _FAR, _CLOSE, _SHRINKS, _ROUNDING = 1e-6, 1e-9, 0.5, 1e-7
-# Relative change of states until the next row below which a jump is ignored.
+# A jump is ignored if it changes states by less than this fraction until the next row.
 _NOTHING = 1e-14
 _WIDTH = 60
 
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """Functions below `no_event` that may jump: differences of the sides of relations, and arguments of `steps`."""
+    """Functions inside `no_event` that may jump: differences of both sides of relations, and arguments of `steps`.
+
+    `steps` marks the arguments of floor and ceil.
+    """
 
     function: NarrowFunction
     steps: NDArray[np.bool_]
@@ -65,14 +70,14 @@ def refuse_jumps(chain: Chain) -> None:
                 "AC615",
                 f"sensitivities do not take {chain.compiled.name}: at t = {crossings.instant(i, s):.9g} s a rate jumps "
                 "without an event",
-                evidence=[f"below no_event: {sides.texts[places[i]]}"],
+                evidence=[f"inside no_event: {sides.texts[places[i]]}"],
                 cause="the instant of the jump moves with the parameters, and nothing locates it",
-                help="say it without no_event",
+                help="state it without no_event",
             )
 
 
 class _Crossings:
-    """The run between n pairs of rows, by cubics; places are shares of an interval, from 0 to 1."""
+    """The run between n pairs of rows, by cubics; positions `s` in an interval go from 0 to 1."""
 
     def __init__(self, chain: Chain, times: Vector, x: Vector, z: Vector, rows: NDArray[np.int64]) -> None:
         """From times (k,), states (nx, k) and algebraic variables (nz, k) of a run, at `rows`, (n,), and the next."""
@@ -92,11 +97,14 @@ class _Crossings:
         )
 
     def instant(self, i: int, s: float) -> float:
-        """Time [s] of a place of interval i."""
+        """Time [s] of a position in interval i."""
         return float(self._start[i] + s * self._gap[i])
 
     def located(self, sides: _Sides, places: NDArray[np.int64]) -> Vector:
-        """Where the level of each interval, at `places` among them, changes first, shape (n,): all at once."""
+        """Positions, shape (n,), at which the levels first change: in interval i, the level with index `places[i]`.
+
+        All intervals are bisected together.
+        """
         n = len(places)
         u, p, m = self._chain.u, self._chain.p, np.array([own.m for own in self._of])
 
@@ -114,15 +122,15 @@ class _Crossings:
         return low
 
     def jumps(self, i: int, s: float) -> bool:
-        """Whether rates of interval i jump at a place."""
+        """Whether rates jump at a position in interval i."""
         gap, regime = self._gap[i], self._of[i].regime
         differences, size = [], np.zeros(0)
-        for share in (_FAR, _CLOSE):
-            # beyond the rows, too: at a touch on a row, both distances would end there, and a steep force look like a
-            # jump
+        for distance in (_FAR, _CLOSE):
+            # do not limit positions to the interval: at a touch on a row, both distances would end on the row, and a
+            # steep force would look like a jump
             left, right = (
-                self._chain.slopes.rate(regime, self.instant(i, there), self._at(i, there))
-                for there in (s - share, s + share)
+                self._chain.slopes.rate(regime, self.instant(i, position), self._at(i, position))
+                for position in (s - distance, s + distance)
             )
             differences.append(np.abs(right - left))
             size = np.abs(left) + np.abs(right)
@@ -135,27 +143,27 @@ class _Crossings:
         return bool(found.any())
 
     def _states(self, s: Vector | float, of: int | slice = slice(None)) -> Vector:
-        """States at one place of each interval, shapes (n,) and (n, nx), or of one, (nx,)."""
+        """States at one position in each interval, shapes (n,) and (n, nx), or in one of them, (nx,)."""
         at, (low, high), rates = np.asarray(s)[..., None], self._x[:, of], self._rates[:, of]
         rise = high - low
         bend = (1.0 - at) * (rates[0] - rise) - at * (rates[1] - rise)
         return np.asarray(low + at * rise + at * (1.0 - at) * bend)
 
     def _at(self, i: int, s: float) -> Moment:
-        """The run at a place of interval i."""
-        own = self._of[i]
-        here = Moment(self._states(s, i), self._z[i], own.m, own.regime)
+        """The run at a position in interval i, with consistent algebraic variables."""
+        stretch = self._of[i]
+        here = Moment(self._states(s, i), self._z[i], stretch.m, stretch.regime)
         return self._chain.hybrid.iteration.consistent(self.instant(i, s), here)
 
 
 def _build(compiled: CompiledModel) -> _Sides | None:
-    """The functions that may jump on which rates depend; None without any."""
+    """The functions that may jump and on which rates depend; None if there are none."""
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool, moving = reduced.pool, Moving(reduced.pool, discrete_variables(reduced))
     roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
     below = [pool.nodes[n][1] for n in pool.reachable(roots) if pool.nodes[n][0] == "noevent"]
-    # a jump with a mode is an event, and has a saltation
+    # a jump that belongs to a mode is an event, with a saltation
     with_modes = {*compiled.rewritten, *compiled.mode_nodes}
     found = [n for n in pool.reachable(below, with_modes) if pool.nodes[n][0] in RELATIONS | _STEPS and moving(n)]
     if not found:
@@ -164,8 +172,8 @@ def _build(compiled: CompiledModel) -> _Sides | None:
     builder = symbols.defined(compiled)
     values = []
     for n in found:
-        both = builder.lower(builder.replaced(pool.nodes[n][1:]))
-        values.append(both[0] - both[1] if len(both) == 2 else both[0])
+        operands = builder.lower(builder.replaced(pool.nodes[n][1:]))
+        values.append(operands[0] - operands[1] if len(operands) == 2 else operands[0])
     texts = tuple(reduced.text(n, _WIDTH) for n in found)
     steps = np.array([pool.nodes[n][0] in ("floor", "ceil") for n in found])
     return _Sides(NarrowFunction("sides", symbols.inputs, ca.densify(ca.vertcat(*values))), steps, texts)

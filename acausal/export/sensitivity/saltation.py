@@ -1,7 +1,7 @@
 """Linear map over one event of a run, and derivatives of its instant by parameters.
 
 At an event at t* with guard g, dt* = -(g_x X + g_p) / (g_t + g_x f), and the variations of the states jump: with
-x+ = r(t, x-, p), X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (the saltation matrix). Instants of time events and
+x+ = r(t, x-, p), X+ = r_x (X- + f- dt*) + r_t dt* + r_p - f+ dt* (saltation matrix). Instants of time events and
 samples move with the parameters that they depend on.
 
 Source: W. S. Galán, P. I. Barton, W. F. Feehery, Parametric sensitivity functions for hybrid discrete/continuous
@@ -27,7 +27,8 @@ from acausal.simulate.driver.hybrid import Hybrid, Passage
 from acausal.simulate.events.guards import as_one
 from acausal.simulate.events.regime import Regime
 
-# Step back at which the rate of a guard is compared, relative to the run and to the time scale of the states.
+# Step, relative to the run and to the time scale of the states, of the difference quotient for the second derivative of
+# a guard, taken backwards in time.
 _BACK = 1e-6
 
 
@@ -57,12 +58,12 @@ class Saltation:
             moment = jump.moment
             x = self._set(self._assigned, self._after(moment.regime, 1, None, t, moment, x, past), x)
             acting = np.flatnonzero(jump.applied).tolist()
-            hits = [k for k in acting if k in self._impulses]
-            rows = [k for k in acting if k not in self._impulses]
-            places = [self._places[k] for k in rows]
-            values = self._after(moment.regime, 3, rows, t, moment, x, past)
-            struck = self._struck(moment, hits, places, t, x, past)
-            x = self._set(places, values, x) + struck
+            impulsive = [k for k in acting if k in self._impulses]
+            ordinary = [k for k in acting if k not in self._impulses]
+            positions = [self._positions[k] for k in ordinary]
+            values = self._after(moment.regime, 3, ordinary, t, moment, x, past)
+            struck = self._struck(moment, impulsive, positions, t, x, past)
+            x = self._set(positions, values, x) + struck
             if jump.advances:
                 past = self._after(moment.regime, 4, None, t, moment, x, past)
         x = self._set(self._assigned, self._after(right.regime, 1, None, t, right, x, past), x)
@@ -71,11 +72,8 @@ class Saltation:
         shift = by_x @ f_left + by_t - f_right
         by_x, by_p = by_x + np.outer(shift, time_x), by_p + np.outer(shift, time_p)
         if len(right.regime.holds) > len(left.regime.holds):
-            ways = self._onto(right.regime, t, right)
-            by_x[: self.nx], by_p[: self.nx] = (
-                by_x[: self.nx] - ways[0] @ by_x,
-                by_p[: self.nx] - ways[0] @ by_p - ways[1],
-            )
+            onto_x, onto_p = self._onto(right.regime, t, right)
+            by_x[: self.nx], by_p[: self.nx] = by_x[: self.nx] - onto_x @ by_x, by_p[: self.nx] - onto_x @ by_p - onto_p
         return by_x, by_p, time_x, time_p
 
     def _instant(self, passage: Passage) -> tuple[Vector, Vector]:
@@ -86,8 +84,9 @@ class Saltation:
         if passage.guard is None:
             return np.zeros(self.size), self._known(t)
         guard, place = left.regime.active_set.watch, passage.guard
-        own = self.slopes.total(left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left)
-        slope_x, slope_p, slope_t = own
+        slope_x, slope_p, slope_t = self.slopes.total(
+            left.regime, ("guard", place), lambda *a: guard(*a)[place], t, left
+        )
         rate = float(slope_t[0] + slope_x[0, : self.nx] @ self.slopes.rate(left.regime, t, left))
         if self._is_grazed(passage, place, rate):
             relation = left.regime.active_set.owners[place][0]
@@ -98,14 +97,14 @@ class Saltation:
                 "AC615",
                 f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s a relation is only grazed",
                 where=() if cause.where is None else (cause.where,),
-                evidence=[f"{cause.text}: its rate there, {rate:.3g} in SI units, cannot be told from zero"],
-                help="a tighter tolerance where it is passed by more than the error of a run; else the instant has no "
-                "derivative: choose parameters by which the relation is passed clearly or not at all",
+                evidence=[f"{cause.text}: its rate there, {rate:.3g} in SI units, is zero within its error"],
+                help="use a tighter tolerance, if it is crossed by more than the error of a run; otherwise the instant "
+                "has no derivative: choose values with which the relation is clearly crossed or not at all",
             )
         return -slope_x[0] / rate, -slope_p[0] / rate
 
     def _refuse_moving_edge(self, passage: Passage) -> None:
-        """Raise ExportError AC615 for an event that moves across the stop time, and so in or out of the run."""
+        """Raise ExportError AC615 for an event at the stop time that parameters move into or out of the run."""
         left, right = passage.left, passage.happened.moment
         changes = passage.happened.jumps or (left.m != right.m).any() or (left.x != right.x).any()
         if passage.time <= self.start or not changes:
@@ -119,22 +118,22 @@ class Saltation:
                 return
         elif self.hybrid.terminated:
             what = "terminal()"
-        elif not any(ways.any() for ways in self._ticks(passage.time)):
+        elif not any(derivative.any() for derivative in self._ticks(passage.time)):
             return
         raise ExportError(
             "AC615",
             f"sensitivities do not take {self.compiled.name}: at its stop time, t = {passage.time:.9g} s, {what} acts "
             "at an instant that depends on the parameters",
             where=() if where is None else (where,),
-            cause="a little later it is none of the run, and so the values there have no derivative",
-            help="another stop time",
+            cause="if it moves beyond the stop time it is not part of the run: the values there have no derivative",
+            help="choose another stop time",
         )
 
     def _is_grazed(self, passage: Passage, place: int, rate: float) -> bool:
         """Whether the error of the guard makes the rate at which it is crossed uncertain.
 
-        A guard with second derivative a, crossed at the rate r, goes at most r^2/(2 a) below zero; an error e of it
-        changes r by a e/r.
+        A guard with second derivative a that is crossed at the rate r reaches at most r^2/(2 a) below zero; an error e
+        of the guard changes r by a e/r.
         """
         t, left, guards = passage.time, passage.left, self.hybrid.guards
         noise = float(guards.rates(t, left)[1][place])
@@ -144,8 +143,8 @@ class Saltation:
         size = np.maximum(np.abs(left.x), self.compiled.nominal_x)
         h = _BACK * min(self.duration, float(1.0 / (np.abs(ode) / size).max(initial=1e-300)))
         before = self.hybrid.iteration.consistent(t - h, replace(left, x=left.x - h * ode))
-        turns = (float(guards.rates(t, left)[0][place]) - float(guards.rates(t - h, before)[0][place])) / h
-        return rate**2 <= abs(turns) * noise
+        second = (float(guards.rates(t, left)[0][place]) - float(guards.rates(t - h, before)[0][place])) / h
+        return rate**2 <= abs(second) * noise
 
     def _instants(self) -> Matrices:
         """Function `(p) -> (instants of time events, d instants / dp)`."""
@@ -154,21 +153,24 @@ class Saltation:
         return Matrices(ca.Function("instants", [p], [instants, ca.densify(ca.jacobian(instants, p))]))
 
     def _known(self, t: float) -> Vector:
-        """Derivative of a known instant by parameters, (count,); ExportError AC615 if several coincide and separate."""
+        """Derivative of a time event's instant by parameters, (count,).
+
+        Raises ExportError: AC615 if several instants coincide that parameters separate.
+        """
         instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
         at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= as_one(self.duration, t)]
-        ways = [*by_p[at][:, self.chosen], *self._ticks(t)]
-        if not ways:
+        derivatives = [*by_p[at][:, self.chosen], *self._ticks(t)]
+        if not derivatives:
             return np.zeros(self.count)
-        if not np.allclose(ways, ways[0], rtol=1e-9, atol=0.0):
+        if not np.allclose(derivatives, derivatives[0], rtol=1e-9, atol=0.0):
             raise ExportError(
                 "AC615",
                 f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s samples or time events meet that "
                 "parameters move apart",
                 cause="which of them comes first then depends on the sign of the change, and so may what follows",
-                help="other values of the parameters, or differentiate by those only which move all of them alike",
+                help="choose other values, or only parameters that move all of these instants alike",
             )
-        return np.asarray(ways[0], dtype=np.float64)
+        return np.asarray(derivatives[0], dtype=np.float64)
 
     def _ticks(self, t: float) -> list[Vector]:
         """Derivatives, (count,) each, of the instants start + k * interval of the samples that act at `t`."""
@@ -193,21 +195,26 @@ class Saltation:
         return [a.position for a in self.compiled.state_events.assignments]
 
     @cached_property
-    def _places(self) -> list[int]:
+    def _positions(self) -> list[int]:
         """Index in x of the state that each action sets."""
         return [position for clause in self.compiled.state_events.clauses for position, _ in clause.actions]
 
     @cached_property
     def _impulses(self) -> set[int]:
-        """Actions that are impulses."""
+        """Indices of the actions that are impulses."""
         return {k for k, _ in impulses(self.compiled)}
 
-    def _struck(self, moment: Any, hits: list[int], places: list[int], t: float, x: Vector, past: Vector) -> Vector:
-        """Variations of the jumps of the states by impulses, shape of `x`."""
-        if not hits:
+    def _struck(
+        self, moment: Any, impulsive: list[int], positions: list[int], t: float, x: Vector, past: Vector
+    ) -> Vector:
+        """Variations of the jumps of the states by the actions `impulsive`, shape of `x`.
+
+        Raises ExportError: AC608 if other actions set states, at `positions`, at the same time.
+        """
+        if not impulsive:
             return np.zeros_like(x)
-        if any(place < self.compiled.n_dynamic for place in places):
-            clauses = [self.compiled.state_events.clauses[k] for a, k in impulses(self.compiled) if a in hits]
+        if any(position < self.compiled.n_dynamic for position in positions):
+            clauses = [self.compiled.state_events.clauses[k] for a, k in impulses(self.compiled) if a in impulsive]
             raise ExportError(
                 "AC608",
                 f"sensitivities do not take {self.compiled.name}: at t = {t:.9g} s states are reset together with an "
@@ -216,18 +223,18 @@ class Saltation:
                 evidence=[c.text for c in clauses[:2]],
                 help="let the impulse act alone, or compare two runs",
             )
-        key = "struck", tuple(hits)
+        key = "struck", tuple(impulsive)
         return self.slopes.variations_of(
-            moment.regime, key, lambda *a: self.compiled.events.struck(hits)(*a), t, moment, x, past
+            moment.regime, key, lambda *a: self.compiled.events.struck(impulsive)(*a), t, moment, x, past
         )
 
     @staticmethod
-    def _set(places: list[int], values: Vector, x: Vector) -> Vector:
-        """Variations `x` with the rows `places` replaced by `values`."""
-        if not places:
+    def _set(rows: list[int], values: Vector, x: Vector) -> Vector:
+        """Variations `x` with these rows replaced by `values`."""
+        if not rows:
             return x
         x = x.copy()
-        x[places] = values
+        x[rows] = values
         return x
 
     def _after(
@@ -243,10 +250,13 @@ class Saltation:
         return self.slopes.variations_of(regime, key, lambda *a: reactions(*a)[output][chosen], t, moment, x, past)
 
     def _onto(self, regime: Regime, t: float, moment: Any) -> tuple[Vector, Vector]:
-        """Projection of a variation onto the condition of a new hold, to subtract: shapes (nx, size), (nx, count)."""
-        value, slope, ways = regime.active_set.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
-        slope, ways = slope.reshape(len(value), -1), ways.reshape(self.nx, -1)
-        inverse = ways @ np.linalg.pinv(slope @ ways)
+        """Maps whose values, subtracted from a variation, project it onto the condition of a new hold.
+
+        They act on the carried variables and on the parameters: shapes (nx, size), (nx, count).
+        """
+        value, slope, directions = regime.active_set.kept(t, moment.x, moment.z, self.u, self.p, moment.m)
+        slope, directions = slope.reshape(len(value), -1), directions.reshape(self.nx, -1)
+        inverse = directions @ np.linalg.pinv(slope @ directions)
         key = "kept", regime.holds, regime.border
         by_p, by_m = self.slopes.kept(key, lambda: self._kept_slopes(regime))(
             t, moment.x, moment.z, self.u, self.p, moment.m
@@ -254,7 +264,7 @@ class Saltation:
         return inverse @ np.hstack([slope, by_m[:, self.slopes.memories]]), inverse @ by_p[:, self.chosen]
 
     def _kept_slopes(self, regime: Regime) -> Matrices:
-        """Function `(t, x, z, u, p, m) ->` derivatives by p and m of the quantity that a hold keeps constant."""
+        """Function `(t, x, z, u, p, m) ->` derivatives by p and m of the quantities that holds keep constant."""
         s = Symbols(self.compiled)
         value = regime.active_set.kept_of(*s.inputs)
         return Matrices(ca.Function("kept", s.inputs, [ca.densify(ca.jacobian(value, v)) for v in (s.p, s.m)]))

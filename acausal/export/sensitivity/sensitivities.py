@@ -28,9 +28,10 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import Options, input_vector, options, parameter_vector
 
 _log = logging.getLogger(__name__)
-# Relative difference of derivatives at two tolerances, in tolerances, from which on it is noted; how many times as
-# loose the other one is. They are compared if a share of that difference is known to be wrong.
+# The result has a note if derivatives at two tolerances differ, relatively, by more than this many tolerances; ratio of
+# the two tolerances; the comparison is made if the known errors exceed this fraction of the first limit.
 _APART, _LOOSER, _SUSPECT = 1e3, 3.0, 1 / 3
+# Derivatives count as zero if a change of the parameter by its value would change an output by a smaller fraction.
 _NOTHING = 1e-30
 
 
@@ -95,21 +96,22 @@ def sensitivities(
     values
         Values of parameters for this run, by path, in SI.
     method
-        "forward" integrates a column per parameter; "adjoint" does so, too, to find the steps, and then a row per
+        "forward" integrates a column per parameter; "adjoint" does this, too, to find the steps, and then a row per
         output and event backwards. Results are equal.
     times
-        Further instants [s], shape (times,), at which the outputs are differentiated.
+        Additional instants [s], shape (times,), at which the outputs are differentiated.
     native
         Whether the run and its derivatives use compiled C, as in `simulate`; compiled code is cached on disk.
 
     Raises
     ------
     UsageError
-        AC020 for an unknown or no parameter, AC010 an unknown output, AC025 an unknown method, AC044 `times` outside.
+        AC020 for an unknown or no parameter, AC010 for an unknown output, AC025 for an unknown method, AC044 for
+        `times` outside the run.
     ExportError
-        AC608 if states are reset together with an impulse; AC615 if a relation is only grazed, if the run rests on a
-        kink with two derivatives, begins on a relation that acts, or jumps without an event, and if an event moves
-        across the stop time or across another known instant.
+        AC608 if states are reset together with an impulse; AC615 if a relation is only just crossed or missed, if the
+        run rests on a kink with two derivatives, begins on a relation with an effect, or has a rate that jumps without
+        an event, and if parameters move an event across the stop time or coinciding time events apart.
     AcausalError
         Errors of the run itself.
     """
@@ -118,7 +120,7 @@ def sensitivities(
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
     wanted = named_outputs(compiled, outputs)
     check(compiled, SENSITIVITIES, wanted)
-    chosen = _places_of(compiled, parameters)
+    chosen = _indices_of(compiled, parameters)
     given = {"start_time": start_time, "stop_time": stop_time, "tolerance": tolerance}
     opts = options(compiled.flat.experiment, **given, solver=solver, native=native)
     p = parameter_vector(compiled, (values or {}) if isinstance(model, CompiledModel) else {})
@@ -152,7 +154,7 @@ def sensitivities(
 
 
 def _derived(chain: Chain, method: str, times: Vector) -> tuple[Vector, Vector, Vector]:
-    """(Derivatives at the end and then at `times` [s], what is known to be wrong in them, those of event times).
+    """(Derivatives at the end and then at `times` [s], their known errors, derivatives of event times).
 
     Shapes (1 + times, ny, count), the same, and (n_events, count).
     """
@@ -167,49 +169,49 @@ def _derived(chain: Chain, method: str, times: Vector) -> tuple[Vector, Vector, 
 def _with_note(result: Result, chain: Chain, found: Vector, other: Vector) -> Result:
     """The run, with a note if its derivatives, shape (instants, ny, count), differ from those at a looser tolerance."""
     size = np.maximum(np.abs(found), np.abs(other)) + _least(chain)
-    apart = float((np.abs(found - other) / size).max(initial=0.0))
-    if apart <= _APART * chain.tolerance:
+    difference = float((np.abs(found - other) / size).max(initial=0.0))
+    if difference <= _APART * chain.tolerance:
         return result
     note = (
-        f"derivatives are uncertain: at {_LOOSER:g} times the tolerance they differ by {apart:.1g} of their size, "
+        f"derivatives are uncertain: at {_LOOSER:g} times the tolerance they differ by {difference:.1g} of their size, "
         "since slopes are steep or infinite where an event is, or are rounding errors"
     )
     _log.warning("%s", note)
-    known: Any = result.stats.get("notes", ())
-    return replace(result, stats={**result.stats, "notes": (*known, note)})
+    notes: Any = result.stats.get("notes", ())
+    return replace(result, stats={**result.stats, "notes": (*notes, note)})
 
 
 def _least(chain: Chain) -> Vector:
-    """Final derivatives that count as none, shape (ny, count).
+    """Magnitudes below which derivatives count as zero, shape (ny, count).
 
-    So do those by which twice the parameter would change an output by less than `_NOTHING` of it: they may be what
-    rounding in steep slopes leaves of one that has decayed.
+    They include derivatives with which a change of the parameter by its value would change an output by less than the
+    fraction `_NOTHING`: these may be rounding errors in steep slopes that remain when a derivative has decayed.
     """
     y_x, *_ = chain.output()
     least = 1e-6 * np.abs(y_x) @ chain.scale + 1e-12 * chain.scale.max(axis=0, initial=0.0) + 1e-290
-    own = np.abs(chain.p[chain.chosen])
-    share = np.divide(_NOTHING, own, out=np.zeros_like(own), where=own > 0.0)
-    return np.asarray(least + np.outer(np.abs(chain.values()), share))
+    sizes = np.abs(chain.p[chain.chosen])
+    per_output = np.divide(_NOTHING, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+    return np.asarray(least + np.outer(np.abs(chain.values()), per_output))
 
 
 def _checked_times(times: Sequence[float] | Vector, chain: Chain) -> Vector:
-    """The instants, shape (times,); UsageError AC044 for some outside the run."""
+    """The instants, shape (times,); UsageError AC044 if any is outside the run."""
     requested = np.asarray(times, dtype=float)
     start, stop = chain.passages[0].time, chain.stop
     if len(requested) and not (start <= requested.min() and requested.max() <= stop):
         raise UsageError(
             "AC044",
-            f"derivatives are asked for from {requested.min():g} to {requested.max():g} s, outside of the run",
+            f"derivatives are requested from {requested.min():g} to {requested.max():g} s, outside of the run",
             help=f"the run goes from {start:g} to {stop:g} s",
         )
     return requested
 
 
-def _places_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
+def _indices_of(compiled: CompiledModel, parameters: Sequence[str]) -> list[int]:
     """Indices in p of the named parameters; UsageError AC020 for an unknown one, or without any."""
     if not parameters:
         free = ", ".join(compiled.parameters[:6]) or "none"
-        raise UsageError("AC020", "there is no parameter to differentiate for", evidence=[f"parameters: {free}"])
+        raise UsageError("AC020", "there is no parameter to differentiate by", evidence=[f"parameters: {free}"])
     for name in parameters:
         if name not in compiled.parameters:
             evidence = meant(name, list(compiled.parameters))

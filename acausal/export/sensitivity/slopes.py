@@ -17,7 +17,7 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.regime import Regime
 
-# By model, compared by identity, until nobody else refers to it.
+# Functions by model (compared by identity), kept as long as the model is in use elsewhere.
 _CACHE: WeakKeyDictionary[CompiledModel, dict[Any, Any]] = WeakKeyDictionary()
 T = TypeVar("T")
 
@@ -35,7 +35,7 @@ class Matrices:
 
 
 class Slopes:
-    """Derivatives by carried variables (states, then values of `pre`; `size` of them), chosen parameters, and time."""
+    """Derivatives by the `size` carried variables (states, then values of `pre`), chosen parameters, and time."""
 
     def __init__(self, compiled: CompiledModel, p: Vector, u: Vector, chosen: list[int]) -> None:
         self.compiled, self.p, self.u, self.chosen = compiled, p, u, chosen
@@ -44,11 +44,11 @@ class Slopes:
         self.size = self.nx + len(self.memories)
 
     def kept(self, key: Any, make: Callable[[], T]) -> T:
-        """Cache of the model: the result of `make` for this key."""
-        own = _CACHE.setdefault(self.compiled, {})
-        if key not in own:
-            own[key] = make()
-        found: T = own[key]
+        """The result of `make` for this key, from the cache of the model."""
+        cache = _CACHE.setdefault(self.compiled, {})
+        if key not in cache:
+            cache[key] = make()
+        found: T = cache[key]
         return found
 
     def total(
@@ -58,21 +58,21 @@ class Slopes:
 
         `key` identifies the function among those of a regime.
         """
-        own_key = *key, regime.holds, regime.border
-        slopes = self.kept(own_key, lambda: self._slopes(regime, function))
-        *own, by_z, implied_x, implied_p, implied_t, implied_past, implied_z = slopes(
+        regime_key = *key, regime.holds, regime.border
+        slopes = self.kept(regime_key, lambda: self._slopes(regime, function))
+        *partial, by_z, implied_x, implied_p, implied_t, implied_past, implied_z = slopes(
             t, moment.x, moment.z, self.u, self.p, moment.m
         )
         if len(regime.compiled.algebraic):
             inner = by_z @ np.linalg.pinv(implied_z)
             implied = implied_x, implied_p, implied_t, implied_past
-            own = [a - inner @ b for a, b in zip(own, implied, strict=True)]
-        return np.hstack([own[0], own[3]]), own[1][:, self.chosen], own[2].ravel()
+            partial = [a - inner @ b for a, b in zip(partial, implied, strict=True)]
+        return np.hstack([partial[0], partial[3]]), partial[1][:, self.chosen], partial[2].ravel()
 
     def variations_of(
         self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any, x: Vector, past: Vector
     ) -> Vector:
-        """Variations of a function, shape (k, size + count + 1), given those of the states and of values of `pre`."""
+        """Variations of a function, shape (k, size + count + 1), from those of the states and of values of `pre`."""
         by_x, by_p, by_t = self.total(regime, key, function, t, moment)
         found = by_x @ np.vstack([x, past])
         found[:, self.size : -1] += by_p

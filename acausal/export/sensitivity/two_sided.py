@@ -1,13 +1,12 @@
 """Detection of points of a run whose one-sided derivatives differ, before the run is differentiated.
 
-A body at rest stands where its friction changes sign, a reservoir is as full as its overflow is high: differentiation
+A body at rest is where its friction changes sign; a reservoir is filled exactly to its overflow. There, differentiation
 would use the equation of one side, or the mean of both. A kink that is only crossed is harmless. Therefore two rows
-inside each stretch are checked, and for the outputs the end.
+inside each stretch are checked and, for the outputs, the end.
 
-A run may also begin exactly on a relation, whose event a parameter moves to later, or out of the run. A force that
-jumps where a tip touches acts from the start on, or from an instant that moves: final values have a derivative for one
-sign of the change, and a different one, or none, for the other. Functions that are continuous there are differentiable
-enough.
+A run may also begin exactly on a relation, whose event a parameter delays or moves out of the run. A force that jumps
+when a tip touches acts from the start, or from an instant that moves: final values have a derivative for one sign of
+the change, and a different one, or none, for the other. Functions that are continuous there cause no error.
 """
 
 from __future__ import annotations
@@ -26,7 +25,8 @@ from acausal.export.sensitivity.jumps import refuse_jumps
 from acausal.export.sensitivity.slopes import Slopes
 from acausal.simulate.events.guards import Moment
 
-# A guard does not move if a displacement of all variables by their magnitude changes it by less than this many errors.
+# A guard counts as constant if a displacement of all variables by their magnitude changes it by less than this many
+# times its error.
 _STILL = 1e3
 
 
@@ -38,7 +38,7 @@ def refuse_resting(chain: Chain) -> None:
         inside = np.flatnonzero((times > stretch.start) & (times < stretch.end))
         if not len(inside):
             continue
-        # two rows, as one may coincide with the crossing of a kink
+        # check two rows, because one may coincide with the crossing of a kink
         points = [
             _Point(chain, float(times[row]), Moment(x[:, row], z[:, row], stretch.m, stretch.regime), k, None)
             for row in (int(inside[len(inside) // 2]), int(inside[len(inside) // 3]))
@@ -53,7 +53,7 @@ def refuse_resting(chain: Chain) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A point of stretch `k`, at which the rates, or `outputs`, are compared on both sides."""
+    """A point of stretch `k`, at which both sides of the rates, or of `outputs` (unless None), are compared."""
 
     chain: Chain
     t: float
@@ -64,18 +64,19 @@ class _Point:
     @property
     def _sizes(self) -> tuple[Vector, Vector]:
         """Magnitudes of the states, shape (nx,), and of the chosen parameters, shape (count,)."""
-        own = np.abs(self.chain.p[self.chain.chosen])
-        return np.maximum(np.abs(self.moment.x), self.chain.compiled.nominal_x), np.where(own > 0.0, own, 1.0)
+        sizes = np.abs(self.chain.p[self.chain.chosen])
+        return np.maximum(np.abs(self.moment.x), self.chain.compiled.nominal_x), np.where(sizes > 0.0, sizes, 1.0)
 
     @property
-    def _moving(self) -> NDArray[np.bool_]:
+    def _continuous(self) -> NDArray[np.bool_]:
+        """Which states are not discrete variables, shape (nx,)."""
         return np.arange(self.chain.nx) < self.chain.nx - self.chain.compiled.discretes
 
     def is_on_a_kink(self) -> bool:
         """Whether both sides differ along a random direction of all states and parameters."""
         rng = np.random.default_rng(0)
         dx, dp = (rng.choice([-1.0, 1.0], len(size)) * size for size in self._sizes)
-        return self._differs(dx * self._moving, dp)
+        return self._differs(dx * self._continuous, dp)
 
     def refuse(self) -> None:
         """Raise ExportError AC615 if both sides differ along the variation of a parameter."""
@@ -83,17 +84,16 @@ class _Point:
         variations = chain.variations(self.k, self.t)[: chain.nx]
         for j, place in enumerate(chain.chosen):
             dp = np.zeros(chain.count)
-            # scaled so that the state that moves most moves by its magnitude
+            # scale so that the state with the largest relative change changes by its magnitude
             dp[j] = 1.0 / max(np.max(np.abs(variations[:, j]) / size_x, initial=0.0), 1.0 / size_p[j])
-            if self._differs(dp[j] * variations[:, j] * self._moving, dp):
+            if self._differs(dp[j] * variations[:, j] * self._continuous, dp):
                 raise ExportError(
                     "AC615",
                     f"sensitivities do not take {chain.compiled.name}: at t = {self.t:.9g} s it rests on a kink or a "
                     "jump",
-                    evidence=[f"its derivative by {chain.compiled.parameters[place]} is another one on both sides"],
+                    evidence=[f"its derivatives by {chain.compiled.parameters[place]} differ between the two sides"],
                     cause="a relation, minimum, maximum or fabs changes sides exactly where the run stays",
-                    help="choose parameters by which it is on one side, or differentiate by those only that do not "
-                    "move it",
+                    help="choose values with which it stays on one side, or leave out parameters that move it",
                 )
 
     def _differs(self, dx: Vector, dp: Vector) -> bool:
@@ -104,16 +104,16 @@ class _Point:
         function, key, size = outputs, ("outputs", *(o.name for o in chain.wanted)), np.ones(len(chain.wanted))
         if function is None:
             function, key, size = (lambda *a: regime.compiled.rhs(*a)[0]), ("rates",), size_x
-        dz, falls = np.zeros(len(moment.z)), self._falls(dx, dp)
+        dz, guard_changes = np.zeros(len(moment.z)), self._guard_changes(dx, dp)
         if len(dz):
             by_x, by_p, _ = chain.slopes.total(regime, ("algebraic",), lambda *a: a[2], t, moment)
             dz = by_x[:, : chain.nx] @ dx + by_p @ dp
 
-        def table(share: float) -> Vector:
-            beside = replace(moment, x=moment.x + share * dx, z=moment.z + share * dz)
-            at = self.chain.hybrid.iteration.flipped(beside, share * falls < 0.0)
+        def table(s: float) -> Vector:
+            displaced = replace(moment, x=moment.x + s * dx, z=moment.z + s * dz)
+            at = self.chain.hybrid.iteration.flipped(displaced, s * guard_changes < 0.0)
             p = chain.p.copy()
-            p[chain.chosen] += share * dp
+            p[chain.chosen] += s * dp
             slopes = Slopes(chain.compiled, p, chain.u, chain.chosen)
             by_x, by_p, _ = slopes.total(regime, key, function, t, at)
             if outputs is None:
@@ -125,18 +125,18 @@ class _Point:
 
         return two_sides(table) is not None
 
-    def _falls(self, dx: Vector, dp: Vector) -> Vector:
-        """Change of guards resting on zero along `dx` (nx,), `dp` (count,); zero for others; shape (n_guards,)."""
+    def _guard_changes(self, dx: Vector, dp: Vector) -> Vector:
+        """Changes of guards that rest on zero along `dx` (nx,), `dp` (count,); zero for others; shape (n_guards,)."""
         active = self.moment.regime.active_set
         if not active.owners:
             return np.zeros(0)
         by_x, by_p, _ = self.chain.slopes.total(
             self.moment.regime, ("guards",), lambda *a: active.watch(*a), self.t, self.moment
         )
-        falls = by_x[:, : self.chain.nx] @ dx + by_p @ dp
+        changes = by_x[:, : self.chain.nx] @ dx + by_p @ dp
         g, rate, noise = self.chain.hybrid.guards.state(self.t, self.moment)
         is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in active.owners])
-        return np.where(is_resting & (np.abs(falls) > _STILL * noise), falls, 0.0)
+        return np.where(is_resting & (np.abs(changes) > _STILL * noise), changes, 0.0)
 
 
 def refuse_two_sided(chain: Chain) -> None:
@@ -146,12 +146,13 @@ def refuse_two_sided(chain: Chain) -> None:
     refuse_jumps(chain)
 
 
-# Relative difference of rates that counts as none; variation of a guard, relative to its error, that counts as none.
+# Rates with a smaller relative difference count as equal; a guard with a smaller variation, in units of its error,
+# counts as constant.
 _SAME, _STILL_AT_START = 1e-9, 1e-9
 
 
 def refuse_start_on_relation(chain: Chain) -> None:
-    """Raise ExportError AC615 if a run begins on a relation with an effect, from which parameters move it away."""
+    """Raise ExportError AC615 if a run begins on a relation that has an effect and from which parameters move it."""
     passage = chain.passages[0]
     t, moment = passage.time, passage.happened.moment
     owners = moment.regime.active_set.owners
@@ -178,8 +179,8 @@ def refuse_start_on_relation(chain: Chain) -> None:
             f"sensitivities do not take {chain.compiled.name}: it begins exactly on a relation, at t = {t:.9g} s",
             where=() if cause.where is None else (cause.where,),
             evidence=[f"{cause.text}: {name} moves it to one side, where it happens later, or to the other"],
-            cause="what happens there is done at the start, or later, or never: the derivatives of both sides differ",
-            help="a start clearly on one side of it, or other parameters",
+            cause="the event happens at the start, or later, or never: the derivatives of both sides differ",
+            help="start clearly on one side of it, or choose other parameters",
         )
 
 

@@ -1,11 +1,12 @@
-"""Whether solutions of algebraic equations may meet within a step, so that its Newton's method may have changed over.
+"""Test whether solutions of algebraic equations may meet within a step, so that Newton's method may switch solutions.
 
-Where they meet the determinant of the equations' slope is zero. From both ends of a step over such a point its tangent
-along the solution leads to zero within the step, whether it changes its sign there, touches zero, or the step has
-turned off into another solution (`acausal.simulate.record.meeting.branches` tells these apart for a run). A
-determinant that comes near zero and rises again within one step looks the same, and a step may change over there, too.
-Where it jumps at a kink, a solution that turns off has one sign on both sides: there Newton's method is asked where it
-leads from the tangents of both ends (`Method.step`).
+Where solutions meet, the determinant of the Jacobian of the equations is zero. In a step across such a point, the
+tangents of the determinant at both ends, along the solution, reach zero within the step. This holds whether the
+determinant changes sign there, touches zero, or the step has switched to another solution
+(`acausal.simulate.record.meeting.branches` distinguishes these for a run). A determinant that comes near zero and rises
+again within one step looks the same, and a step may switch solutions there, too. Where the determinant jumps at a kink,
+it may have the same sign on both sides although the solution has switched. Therefore `Method.step` also tests whether
+Newton's method, started from the tangent of either end, leads to the solution at the other end.
 """
 
 from __future__ import annotations
@@ -17,33 +18,34 @@ import casadi as ca
 
 from acausal.lower.nonlinear_blocks import nonlinear_blocks
 
-# What a tangent may leave of a determinant, by its value, where it counts as zero.
+# A determinant may be zero in a step if its tangent falls to this fraction of its value or below within the step.
 _LEFT = 0.05
 
 
 def determinants(rates: Any) -> Any:
-    """Function `(t, x, z, *held) -> (signs, sizes)` of blocks that may have several solutions; sizes are logarithms.
+    """Function `(t, x, z, *held) -> (signs, sizes)`: signs and logarithms of determinants of nonlinear blocks.
 
-    `rates`: `(t, x, z, *held) -> (ode, alg, ...)`, SX.
+    These are the blocks of algebraic equations that may have several solutions. `rates`: SX function
+    `(t, x, z, *held) -> (ode, alg, ...)`.
     """
-    here = _arguments(rates)
-    slope = ca.jacobian(rates(*here)[1], here[2])
-    found = [_determinant(slope[rows, columns]) for rows, columns in nonlinear_blocks(slope, here[2])]
-    both = [ca.vertcat(ca.SX(0, 1), *(d[k] for d in found)) for k in range(2)]
-    return ca.Function("determinants", here, both, rates.name_in(), ["signs", "sizes"])
+    arguments = _arguments(rates)
+    slope = ca.jacobian(rates(*arguments)[1], arguments[2])
+    found = [_determinant(slope[rows, columns]) for rows, columns in nonlinear_blocks(slope, arguments[2])]
+    results = [ca.vertcat(ca.SX(0, 1), *(d[k] for d in found)) for k in range(2)]
+    return ca.Function("determinants", arguments, results, rates.name_in(), ["signs", "sizes"])
 
 
 def along_solution(rates: Any) -> Any:
     """Function `(t, x, z, *held) -> (signs, rates of the sizes [1/s], rates of z)`, see `determinants`."""
-    here = _arguments(rates)
-    ode, alg = rates(*here)[:2]
-    signs, sizes = determinants(rates)(*here)
-    follow: Any = ca.SX(0, 1)
+    arguments = _arguments(rates)
+    ode, alg = rates(*arguments)[:2]
+    signs, sizes = determinants(rates)(*arguments)
+    z_rates: Any = ca.SX(0, 1)
     if signs.numel():
-        known, forward = ca.vertcat(*here[:2]), ca.vertcat(1, ca.densify(ode))
-        follow = -ca.solve(ca.jacobian(alg, here[2]), ca.densify(ca.jtimes(alg, known, forward)))
-        sizes = ca.jtimes(sizes, ca.vertcat(known, here[2]), ca.vertcat(forward, follow))
-    return ca.Function("along_solution", here, [ca.densify(v) for v in (signs, sizes, follow)])
+        tx, tx_rates = ca.vertcat(*arguments[:2]), ca.vertcat(1, ca.densify(ode))
+        z_rates = -ca.solve(ca.jacobian(alg, arguments[2]), ca.densify(ca.jtimes(alg, tx, tx_rates)))
+        sizes = ca.jtimes(sizes, ca.vertcat(tx, arguments[2]), ca.vertcat(tx_rates, z_rates))
+    return ca.Function("along_solution", arguments, [ca.densify(v) for v in (signs, sizes, z_rates)])
 
 
 def _arguments(rates: Any) -> list[Any]:
@@ -51,11 +53,11 @@ def _arguments(rates: Any) -> list[Any]:
 
 
 def _determinant(matrix: Any) -> tuple[Any, Any]:
-    """The sign of the determinant of a square matrix, or always its opposite, and the logarithm of its magnitude.
+    """Sign of the determinant of a square matrix (or consistently its opposite), and logarithm of its magnitude.
 
-    Householder's reflections have determinant -1, and pivots of their QR factorisation are positive; where a column
-    needs none, its factor is zero (CasADi's sparse QR, after T. A. Davis, Direct Methods for Sparse Linear Systems,
-    SIAM 2006, chapter 5).
+    Householder reflections have determinant -1, and the pivots of the QR factorisation are positive; a column that
+    needs no reflection has factor zero (CasADi's sparse QR, after T. A. Davis, Direct Methods for Sparse Linear
+    Systems, SIAM 2006, chapter 5). The permutations of the factorisation do not depend on values, and are left out.
     """
     if matrix.shape[0] <= 3:
         whole = ca.det(ca.densify(matrix))
@@ -68,7 +70,7 @@ def _determinant(matrix: Any) -> tuple[Any, Any]:
 
 
 def meets(h: Any, before: Sequence[Any], behind: Sequence[Any]) -> Any:
-    """1 where a determinant may be zero within a step of length `h`, from `along_solution` at both its ends."""
+    """1 if a determinant may be zero within a step of length `h`, from `along_solution` at both ends of the step."""
     (first, falls, _), (last, rises, _) = before, behind
     to_zero = ca.logic_and(1 + h * falls <= _LEFT, 1 - h * rises <= _LEFT)
     return ca.sum1(ca.logic_or(first * last <= 0, to_zero)) > 0

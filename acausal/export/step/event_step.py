@@ -1,9 +1,9 @@
-"""Event iteration within a step of bounded work: the compiled event round, at most a fixed number of times.
+"""Event iteration within a step of bounded work: the compiled event round, called at most a fixed number of times.
 
-A turn solves for the algebraic variables and then does one thing: evaluate discrete equations, or flip relations that
-do not hold, or continue the round (`acausal.lower.events.round`), as `acausal.simulate.events.iteration` does. Turns
-are repeated as long as anything changes, which the generated code tests before each turn, so that unnecessary turns
-cost nothing. Whether the last turn ended settled is returned.
+A pass solves for the algebraic variables and then does one thing: evaluate discrete equations, or flip relations that
+do not hold, or continue the round (`acausal.lower.events.round`), as `acausal.simulate.events.iteration` does. Passes
+are repeated as long as anything changes. The generated code tests this before each pass, so that unnecessary ones cost
+nothing. The result includes whether the iteration has settled.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.round import Round
 from acausal.simulate.events.guards import LEAST
 
-# Relative error of states, in their values or nominal magnitudes, assumed when relations are evaluated.
-_KNOWN = 1e-9
-# How an event iteration ends: settled, or with two clauses that set one variable to different values (AC504 of a run).
+# Error of states assumed when relations are evaluated, relative to value plus nominal magnitude.
+_STATE_ERROR = 1e-9
+# How an event iteration ends: settled, or with two clauses that set one variable to different values (AC504 in a run).
 _SETTLED, _CLASH = 1, 2
 
 
@@ -53,8 +53,8 @@ class Settling:
         return slice(last - len(self.compiled.state_events.relations), last)
 
     @property
-    def turns(self) -> int:
-        """Largest number of turns: a few for everything that can change at one instant."""
+    def passes(self) -> int:
+        """Maximum number of passes: a few for everything that can change at one instant."""
         events = self.compiled.state_events
         return 8 + 4 * (len(events.conditions) + len(events.relations) + len(events.assignments) + len(events.memories))
 
@@ -63,7 +63,7 @@ class Settling:
         """MX function `(t, x, z, u, p, m, before, samples, skip) -> (x, z, m, settled)`: the event iteration.
 
         `m` are the modes already changed, `before` those before the event; `samples` is 1 for each sample that is true
-        now; with `skip` nothing is done. The turns are a loop of which only the necessary ones are run.
+        now; with `skip` nothing is done. The passes are a loop, of which only the necessary ones are executed.
         """
         s, size = Symbols(self.compiled), len(self.compiled.state_events.conditions)
         before = ca.SX.sym("before", self.compiled.n_modes)
@@ -76,10 +76,10 @@ class Settling:
         state = ca.densify(ca.vertcat(s.x, s.z, m, was, none, 0, flips, skip, s.t, s.u, s.p))
         first = ca.Function("first", [*s.inputs, before, samples, skip], [state])
         symbols = [ca.MX.sym(first.name_in(k), first.sparsity_in(k)) for k in range(first.n_in())]
-        turns = self._turn.fold(self.turns)
-        end_state = turns(first(*symbols))
+        passes = self._pass.fold(self.passes)
+        end_state = passes(first(*symbols))
         if samples.numel() and self.compiled.state_events.assignments:
-            end_state = turns(self._over(end_state))
+            end_state = passes(self._without_samples(end_state))
         return ca.Function("settled", symbols, self._last(end_state))
 
     @property
@@ -97,9 +97,9 @@ class Settling:
         return list(ca.vertsplit(state, ends))
 
     @cached_property
-    def _turn(self) -> Any:
-        """Function `state -> state` of one turn; the identity if the state is settled."""
-        state = ca.SX.sym("walk", sum(self._sizes))
+    def _pass(self) -> Any:
+        """Function `state -> state` of one pass; the identity if the state is settled."""
+        state = ca.SX.sym("state", sum(self._sizes))
         x, z, m, was, decided, level, flips, _, t, u, p = self._parts(state)
         z = self.method.algebraic(t, x, z, [u, p, m])
         here = [t, x, z, u, p, m]
@@ -130,13 +130,13 @@ class Settling:
         go = ca.Function("go", [state], [ca.cse(ca.densify(ca.vertcat(*after, t, u, p)))])
         stay = ca.Function("stay", [state], [state])
         choice = ca.Function.if_else("choice", stay, go)
-        held = ca.MX.sym("walk", state.numel())
-        return ca.Function("turn", [held], [choice(self._parts(held)[7], held)])
+        argument = ca.MX.sym("state", state.numel())
+        return ca.Function("pass", [argument], [choice(self._parts(argument)[7], argument)])
 
     @cached_property
-    def _over(self) -> Any:
-        """Function `state -> state`: samples become false, and discrete equations that read them are to be settled."""
-        state = ca.SX.sym("walk", sum(self._sizes))
+    def _without_samples(self) -> Any:
+        """Function `state -> state`: samples become false; if discrete equations read them, the iteration continues."""
+        state = ca.SX.sym("state", sum(self._sizes))
         x, z, m, was, decided, level, flips, settled, *held = self._parts(state)
         m = ca.SX(m)
         last = Round(*self.compiled.events.round(held[0], x, z, *held[1:], m, was, decided, level))
@@ -144,19 +144,19 @@ class Settling:
         found = Round(*self.compiled.events.round(held[0], x, z, *held[1:], m, was, decided, level))
         places = [a.position for a in self.compiled.state_events.assignments]
         stale = any_of(found.assigned[k] != x[place] for k, place in enumerate(places))
-        # what has not settled goes on as it is, and says so if turns do not suffice
+        # a state that has not settled is left as it is, so that it is still reported as unsettled
         more = ca.logic_and(stale, settled == _SETTLED)
-        if self.memories.stop > self.memories.start:  # of no memories CasADi makes a row here and a column there
+        if self.memories.stop > self.memories.start:  # CasADi makes empty vectors of incompatible shapes
             m[self.memories] = ca.if_else(more, found.remembered, m[self.memories])
-        anew = [ca.if_else(more, a, b) for a, b in ((last.conditions, was), (0, decided), (0, level), (0, flips))]
-        over = ca.if_else(more, m, self._parts(state)[2])
-        parts = [x, z, over, *anew, ca.if_else(more, 0, settled), *held]
-        return ca.Function("over", [state], [ca.cse(ca.densify(ca.vertcat(*parts)))])
+        reset = [ca.if_else(more, a, b) for a, b in ((last.conditions, was), (0, decided), (0, level), (0, flips))]
+        modes = ca.if_else(more, m, self._parts(state)[2])
+        parts = [x, z, modes, *reset, ca.if_else(more, 0, settled), *held]
+        return ca.Function("without_samples", [state], [ca.cse(ca.densify(ca.vertcat(*parts)))])
 
     @cached_property
     def _last(self) -> Any:
         """Function `state -> (x, z, m, settled)` that ends the instant: samples become false, also in `pre`."""
-        state = ca.SX.sym("walk", sum(self._sizes))
+        state = ca.SX.sym("state", sum(self._sizes))
         x, z, m, was, decided, level, _, settled, t, u, p = self._parts(state)
         m = ca.SX(m)
         m[self.samples] = 0
@@ -166,7 +166,7 @@ class Settling:
         return ca.Function("last", [state], [ca.densify(v) for v in (x, z, m, settled == _SETTLED)])
 
     def _wrong(self, here: list[Any], fresh: Any, flips: Any) -> list[Any]:
-        """Relations that do not hold, or are at their guard and about to change; the latter once `pre` is up to date.
+        """1 for each relation that does not hold, or is at its guard and about to change (once `pre` is up to date).
 
         A relation that stays at its guard takes its value for equal sides, unless it has flipped twice.
         """
@@ -184,13 +184,13 @@ class Settling:
         return found
 
     def rates(self, t: Any, x: Any, z: Any, u: Any, p: Any, m: Any) -> tuple[Any, Any]:
-        """(Time derivatives of the guards along the solution, their error by rounding)."""
+        """(Time derivatives of the guards along the solution, their errors due to rounding)."""
         nominal_x, nominal_z = ca.DM(self.compiled.nominal_x), ca.DM(self.compiled.nominal_z)
-        errors = [_KNOWN * (ca.fabs(v) + n) for v, n in ((x, nominal_x), (z, nominal_z))]
-        own, noise, by_z, alg, alg_z = self.compiled.events.rates(t, x, z, u, p, m, *errors)
+        errors = [_STATE_ERROR * (ca.fabs(v) + n) for v, n in ((x, nominal_x), (z, nominal_z))]
+        rate, noise, by_z, alg, alg_z = self.compiled.events.rates(t, x, z, u, p, m, *errors)
         if z.numel():
-            own = own - by_z @ ca.solve(ca.sparsify(alg_z), alg)
-        return own, ca.if_else(noise == 0, LEAST, noise)
+            rate = rate - by_z @ ca.solve(ca.sparsify(alg_z), alg)
+        return rate, ca.if_else(noise == 0, LEAST, noise)
 
 
 def _places(part: slice) -> range:
@@ -198,7 +198,7 @@ def _places(part: slice) -> range:
 
 
 def any_of(conditions: Iterable[Any]) -> Any:
-    """Whether one of these holds."""
+    """Whether any of the conditions holds."""
     found: Any = ca.SX(0)
     for condition in conditions:
         found = ca.logic_or(found, condition)

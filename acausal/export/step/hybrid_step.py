@@ -1,18 +1,18 @@
 """One step of a model with events as expressions, with bounded work whatever happens in it.
 
-A step starts with its current modes. Relations that an input has changed flip at once. If one is crossed, the first
-crossing is located (nine steps of the regula falsi of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, for the least
-of all guards on interpolated states), the event iteration runs there, and a second, shorter step goes to the end. There
-the event iteration runs again, for time events, samples, and relations crossed after the first. A single event in a
-step therefore does not reduce the order (order two for implicit methods, which interpolate linearly). A second one acts
-at the end of the step, an error of the order of the step, and a relation crossed twice within a step, there and back,
-is missed. Both are detected and reported by a flag: guards below zero at the end of the second part, guards that fall
-at one end of a part and rise at the other with a negative minimum in between, guards that are far from smooth between
-the ends of a part, and a crossing that the search has not confined to 1e-4 of the step.
+A step starts with its current modes. Relations that an input has changed flip at once. If relations are crossed, the
+first crossing is located (nine steps of the regula falsi of N. Anderson and A. Bjorck, BIT 13 (1973) 253-264, for the
+minimum of all guards on interpolated states), the event iteration runs there, and a second, shorter step leads to the
+end. There the event iteration runs again, for time events, samples, and relations crossed after the first one. A single
+event in a step therefore does not reduce the order (order two for implicit methods, which interpolate linearly). A
+second one acts at the end of the step, an error of the order of the step, and a relation crossed twice within a step,
+there and back, is missed. Both are detected and reported by a flag. It reports guards below zero at the end of the
+second part, guards that fall at one end of a part and rise at the other with a negative minimum in between, guards that
+are far from smooth between the ends of a part, and a crossing that the search has not confined to 1e-4 of the step.
 
-Impacts that follow one another within a step end at rest, as in `acausal.simulate.events.rest`, even elastic ones: the
-state that the `when` resets, and the states it drives, are put on the guard. A note says so. Both parts are computed in
-every call, the price of a computing time that does not depend on events.
+Repeated impacts within a step end at rest, as in `acausal.simulate.events.rest`, even elastic ones: the state that the
+`when` resets, and the states it drives, are projected onto the guard. A note says so. Both parts are computed in every
+call, so that the computing time does not depend on events.
 """
 
 from __future__ import annotations
@@ -45,18 +45,19 @@ from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.record.checks import WHOLE, integers
 from acausal.simulate.solvers.segment import Tolerances
 
-# Evaluations of the search for an event. The last but one lies beside its secant, by the bracket, towards the farther
-# end, and the last one behind it; the bracket, by the step, that counts as found.
-_LOCATING, _ASIDE, _BEYOND, _CLOSED = 9, 1e-4, 1e-6, 1e-4
-# Relative positions inside a part of a step at which guards are evaluated, and relative deviation from the cubic
-# between its ends of a guard that oscillates within it.
+# The search for an event: number of evaluations; offset of the last but one from its secant towards the farther end, as
+# a fraction of the bracket; offset of the last one beyond its secant; width of the bracket, as a fraction of the step,
+# below which the event counts as located.
+_EVALUATIONS, _OFFSET, _BEYOND, _LOCATED = 9, 1e-4, 1e-6, 1e-4
+# Relative positions inside a part of a step at which guards are evaluated, and the relative deviation from the cubic
+# between its ends beyond which a guard counts as oscillating within the part.
 _INSIDE = (0.1813, 0.4377, 0.6481, 0.8342)
 _JAGGED = 0.1
 
 
 @dataclass(frozen=True)
 class _Impact:
-    """A relation whose `when` resets a velocity, and a function that puts states onto its guard."""
+    """A relation whose `when` resets a velocity, and a function that projects states onto its guard."""
 
     relation: int
     onto: Any
@@ -73,7 +74,7 @@ class HybridStep:
     p: Any
     h: float
     estimates: bool = False
-    """Whether the error of a step is estimated, else 0."""
+    """Whether the error of a step is estimated; otherwise it is 0."""
 
     def __post_init__(self) -> None:
         p = np.array(self.compiled.parameter_values, dtype=float)
@@ -95,19 +96,19 @@ class HybridStep:
     def ports(self, m: Vector) -> list[Port]:
         """Ports of the modes in x, with their start values from `m`, shape (nm,)."""
         compiled, reduced = self.compiled, self.compiled.solution.structure.reduced
-        place = dict(zip(compiled.mode_places, compiled.mode_nodes, strict=True))
-        found = []
+        node_of = dict(zip(compiled.mode_places, compiled.mode_nodes, strict=True))
+        ports = []
         for j in self.kept:
-            text = reduced.text(place[j])
+            text = reduced.text(node_of[j])
             doc = "What is remembered of the last event" if j < self.settling.memories.stop else "1 where this holds"
-            found.append(Port(text, "", doc, float(m[j])))
-        return found
+            ports.append(Port(text, "", doc, float(m[j])))
+        return ports
 
     def begin(self) -> StartPoint:
         """The start after its events."""
         begin = start_point(self.compiled)
         problem = Problem(self.compiled, begin.p, begin.u)
-        _refuse_shares(self.compiled, begin)
+        _refuse_indeterminate_friction(self.compiled, begin)
         span = max(self.compiled.flat.experiment.stop_time - begin.t, self.h)
         iteration = Iteration(problem, Guards(problem, Tolerances(1e-10, factor=1.0), span))
         m = begin.m.copy()
@@ -123,7 +124,7 @@ class HybridStep:
         return timely(self.compiled, t, self.h, p)
 
     def modes(self, t: Any, kept: Any) -> Any:
-        """All modes from those in x, at the start of a step."""
+        """All modes at the start of a step, from those in x (`kept`)."""
         return self._modes(t, kept, self.p)
 
     @cached_property
@@ -140,18 +141,18 @@ class HybridStep:
     def is_timed(self) -> bool:
         """Whether a step depends on its start time."""
         events = self.compiled.events
-        places = [(self.compiled.rhs, 0), (self.compiled.rhs, 1), (events.watch, 0)]
-        places += [(events.round, k) for k in range(events.round.n_out())]
-        known = self.compiled.n_timely or self.compiled.state_events.samples
-        return bool(known) or any(f.jac_sparsity(k, 0).nnz() for f, k in places)
+        outputs = [(self.compiled.rhs, 0), (self.compiled.rhs, 1), (events.watch, 0)]
+        outputs += [(events.round, k) for k in range(events.round.n_out())]
+        has_time_events = self.compiled.n_timely or self.compiled.state_events.samples
+        return bool(has_time_events) or any(f.jac_sparsity(k, 0).nnz() for f, k in outputs)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the limits of steps of this size."""
+        """Notes on the limits of steps of this length."""
         texts = self.compiled.events.texts
         return (
-            f"the event iteration of a step has {self.settling.turns} turns; step.unsettled in y is 1 if they did not "
-            "suffice, or if two clauses set one variable to different values",
+            f"the event iteration of a step makes at most {self.settling.passes} passes; step.unsettled in y is 1 if "
+            "they did not suffice, or if two clauses set one variable to different values",
             *[
                 f"a step of {self.h:g} s locates one event; step.unlocated in y is 1 if another relation changes after "
                 "it, if one changes twice, or if its sides stay equal: choose a smaller step. Relations are evaluated "
@@ -167,10 +168,11 @@ class HybridStep:
     def step(self, t: Any, x: Any, z: Any, m: Any) -> tuple[Any, ...]:
         """(x, z, m, settled, located, rough, large, error) at the end of a step.
 
-        Whether its events have settled, whether all are located, whether an iteration has not converged, whether
-        the part of the step behind its event is too large for an explicit method, and the estimated error of both.
+        `settled`: whether the event iterations have settled; `located`: whether all events are located; `rough`:
+        whether a Newton iteration has not converged; `large`: whether the part of the step after its event is too large
+        for an explicit method; `error`: the estimated error of both parts.
 
-        An integer that gets a fraction is nan.
+        An integer variable that gets a fractional value becomes nan.
         """
         held = [self.u, self.p]
         settled: Any = 1
@@ -181,9 +183,9 @@ class HybridStep:
             nothing = ca.MX(self.settling.samples.stop - self.settling.samples.start, 1)
             xe, ze, me, settled = self.settling.settled(at, xe, ze, *held, flipped, m, nothing, theta >= 1)
             rest = self._rest_of_step(t, x, z, *held, m, x1, z1, theta, at, xe, ze, me, marks)
-            x, z, m_end, later, far, large, more = rest
-            located, rough = ca.logic_and(seen, later), ca.logic_or(rough, ca.logic_and(theta < 1, far))
-            error = error + more
+            x, z, m_end, rest_seen, rest_rough, large, rest_error = rest
+            located, rough = ca.logic_and(seen, rest_seen), ca.logic_or(rough, ca.logic_and(theta < 1, rest_rough))
+            error = error + rest_error
         else:
             x, z, rough, error = self._whole(t, x, z, *held, m)
             m_end = m
@@ -191,20 +193,20 @@ class HybridStep:
         due, late = self._ticks(end, self.p)
         for k in range(late.numel()):
             located = ca.logic_and(located, ca.logic_not(late[k]))
-        x, z, m, also = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
-        return self.whole_numbers(x), z, m, ca.logic_and(settled, also), located, rough, large, error
+        x, z, m, end_settled = self.settling.settled(end, x, z, *held, self._at_end(end, m_end, self.p), m_end, due, 0)
+        return self.whole_numbers(x), z, m, ca.logic_and(settled, end_settled), located, rough, large, error
 
     def whole_numbers(self, x: Any) -> Any:
-        """The states x, and nan for integers that have a fraction: a run ends there with AC147."""
-        places = integers(self.compiled)
-        if not places:
+        """The states x, with nan for integers whose values are fractional: a run would end there with AC147."""
+        positions = integers(self.compiled)
+        if not positions:
             return x
-        own = ca.SX.sym("x", x.numel())
-        found = ca.SX(own)
-        for k in places:
-            apart = ca.fabs(own[k] - ca.floor(own[k] + 0.5)) > WHOLE * ca.fmax(1, ca.fabs(own[k]))
-            found[k] = ca.if_else(apart, np.nan, own[k])
-        return ca.Function("whole_numbers", [own], [found])(x)
+        symbol = ca.SX.sym("x", x.numel())
+        result = ca.SX(symbol)
+        for k in positions:
+            is_fractional = ca.fabs(symbol[k] - ca.floor(symbol[k] + 0.5)) > WHOLE * ca.fmax(1, ca.fabs(symbol[k]))
+            result[k] = ca.if_else(is_fractional, np.nan, symbol[k])
+        return ca.Function("whole_numbers", [symbol], [result])(x)
 
     @cached_property
     def _whole(self) -> Any:
@@ -220,11 +222,11 @@ class HybridStep:
         return self.method.error(*step) if self.estimates else ca.SX(0)
 
     def _fallen(self, t: Any, h: Any, x: Any, z: Any, rested: Any, held: Sequence[Any]) -> Any:
-        """Error from bodies at rest that fall in a step and are put back at its end, for those that push them."""
+        """Error in other states because bodies at rest fall during a step and are projected back at its end."""
         return self.method.displaced(t, h, x, z, rested, held) if self.estimates and self._impacts else ca.SX(0)
 
     def _late(self, at: Any, width: Any, before: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
-        """Error from an event that is located to `width` of the step: what the other rates make of that time."""
+        """Error due to the uncertainty `width` of the position of an event: the change of rates times its duration."""
         if not self.estimates:
             return ca.SX(0)
         after = self.method.rates(at, x, self.method.algebraic(at, x, z, held), *held)[0]
@@ -241,13 +243,15 @@ class HybridStep:
 
     @cached_property
     def _locate_first(self) -> Any:
-        """Function `(t, x, z, u, p, m) -> (x, z after the step, share, instant, x, z there, m flipped, marks, seen,
-        rough, error)`, the last up to `share`.
+        """Function `(t, x, z, u, p, m) -> (x1, z1, theta, at, xe, ze, flipped, marks, seen, rough, error)`.
 
-        It locates the first relation that is crossed, at the relative position `share` (1: none). For each relation,
-        `marks` tells whether it is that one, whether it rests on its guard or leaves it, its distance, and its rate at
-        the start; behind them are how well the position is known, and the rates of states there.
-        `seen` is true if no relation was crossed there and back before, and the located one does not rest.
+        It locates the first relation that is crossed, at the relative position `theta` (1 if there is none) and the
+        instant `at`. (x1, z1) are the values after the whole step, (xe, ze) those at the event, where `flipped` are the
+        modes with the crossed relation flipped; `error` is that of the step up to `theta`. For each relation, `marks`
+        contains whether it is the located one, whether it rests on its guard, whether it leaves it, its distance, and
+        its rate, at the start of the step; then the uncertainty of `theta`, and the rates of the states at the event.
+        `seen` is true if `theta` is certain, no relation was crossed there and back before, and the sides of the
+        located one were not equal at an end.
         """
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
@@ -259,9 +263,9 @@ class HybridStep:
         rate, noise = settling.rates(t, x, z, *held)
         impacts = {i.relation for i in self._impacts}
         touching = [ca.fabs(g0[k]) <= noise[k] if k in impacts else ca.SX(0) for k in range(g0.numel())]
-        resting = [ca.logic_and(on, rate[k] <= noise[k]) for k, on in enumerate(touching)]
-        launched = [ca.logic_and(on, rate[k] > noise[k]) for k, on in enumerate(touching)]
-        # an input that has changed changes relations at once
+        resting = [ca.logic_and(touches, rate[k] <= noise[k]) for k, touches in enumerate(touching)]
+        launched = [ca.logic_and(touches, rate[k] > noise[k]) for k, touches in enumerate(touching)]
+        # a changed input may have changed relations since the last step: they flip at its start
         begun = [ca.logic_and(g0[k] < -2 * noise[k], ca.logic_not(resting[k])) for k in range(g0.numel())]
         x1 = self._rested(t + self.h, x1, z1, held, resting)
         g1 = watch(t + self.h, x1, z1, *held)
@@ -269,7 +273,7 @@ class HybridStep:
         theta, chosen, width = self._crossing(s, x1, z1, g0, g1, passed)
         at_once = any_of(begun)
         theta = ca.if_else(at_once, 0, theta)
-        chosen = [ca.if_else(at_once, begun[k], one) for k, one in enumerate(chosen)]
+        chosen = [ca.if_else(at_once, begun[k], is_crossed) for k, is_crossed in enumerate(chosen)]
         unseen = any_of(
             ca.logic_and(g1[k] < 0, ca.logic_not(any_of((passed[k], resting[k])))) for k in range(len(chosen))
         )
@@ -283,17 +287,21 @@ class HybridStep:
         marks = ca.vertcat(*chosen, *resting, *launched, g0, rate)
         jumps = (ca.logic_and(chosen[k], _rests(g0[k], g1[k])) for k in sorted(self.compiled.state_events.resting))
         missed = any_of((self._dips(t, self.h, x, z, x1, z1, held, theta), unseen, *jumps))
-        seen = ca.logic_and(width < _CLOSED, ca.logic_not(missed))
+        seen = ca.logic_and(width < _LOCATED, ca.logic_not(missed))
         error = self._error(t, self.h, x, z, *whole, held, theta)
         error = error + self._fallen(t + self.h, theta * self.h, *whole, x1, held)
         marks = ca.vertcat(marks, width, self.method.rates(at, xe, ze, *held)[0])
-        found = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen, rough, error)]
-        outputs: list[Any] = ca.cse(found)
+        results = [ca.densify(v) for v in (x1, z1, theta, at, xe, ze, flipped, marks, seen, rough, error)]
+        outputs: list[Any] = ca.cse(results)
         return ca.Function("reached", s.inputs, outputs)
 
     @cached_property
     def _rest_of_step(self) -> Any:
-        """Function of what `_locate_first` returns, after its event: `-> (x, z, m, seen, rough, large, error)`."""
+        """The part of the step after its event: `(t, x, z, u, p, m, *after) -> (x, z, m, seen, rough, large, error)`.
+
+        `after` are the first six results of `_locate_first`, with (xe, ze) after the event iteration, the modes there,
+        and `marks`.
+        """
         s, settling, watch = Symbols(self.compiled), self.settling, self.compiled.events.watch
         t, x, z, u, p, m = s.inputs
         held = [u, p, m]
@@ -301,15 +309,15 @@ class HybridStep:
         like = [x, z, ca.SX(1, 1), ca.SX(1, 1), x, z, m, ca.SX(5 * count + 1 + x.numel(), 1)]
         given = [ca.SX.sym(f"a{k}", v.numel()) for k, v in enumerate(like)]
         x1, z1, theta, at, xe, ze, me, marks = given
-        places = [*(count * k for k in range(6)), 5 * count + 1, marks.numel()]
-        chosen, resting, launched, g0, rate, width, rates = ca.vertsplit(marks, places)
+        offsets = [*(count * k for k in range(6)), 5 * count + 1, marks.numel()]
+        chosen, resting, launched, g0, rate, width, rates = ca.vertsplit(marks, offsets)
         rest = ca.fmax(1 - theta, TICK) * self.h  # never zero: implicit methods divide by it
         x2, z2, rough = self.method.step(at, rest, xe, ze, [u, p, me])
         large = ca.logic_and(theta < 1, self.method.too_large(at, rest, xe, ze, [u, p, me]))
         error = self._error(at, rest, xe, ze, x2, z2, [u, p, me]) + self._late(at, width, rates, xe, ze, [u, p, me])
         away = settling.rates(at, xe, ze, *held)[0]
-        behind = watch(t + self.h, x2, z2, u, p, me) < 0
-        passed = any_of(ca.logic_and(behind[k], ca.logic_not(resting[k])) for k in range(count))
+        negative = watch(t + self.h, x2, z2, u, p, me) < 0
+        passed = any_of(ca.logic_and(negative[k], ca.logic_not(resting[k])) for k in range(count))
         passed = ca.logic_or(passed, self._dips(at, rest, xe, ze, x2, z2, [u, p, me], 1))
         missed = ca.logic_and(theta < 1, passed)
         x, z, new = (ca.if_else(theta < 1, a, b) for a, b in ((x2, x1), (z2, z1), (me, m)))
@@ -320,20 +328,20 @@ class HybridStep:
             fired = ca.logic_and(chosen[k], away[k] >= -1e-6 * ca.fabs(rate[k]))
             rests = ca.logic_and(any_of((resting[k], launched[k], fired)), g < 0)
             onto, still = impact.onto(t + self.h, x, z, *held)
-            # the second impact of a step acts at its end: put the state back onto the guard first
+            # the second impact of a step acts at its end: project the state back onto the guard first
             second = ca.logic_and(ca.logic_and(g0[k] > 0, g < 0), ca.logic_not(chosen[k]))
             missed = any_of((missed, second, ca.logic_and(rests, ca.logic_not(resting[k]))))
             x = ca.if_else(rests, still, ca.if_else(second, onto, x))
             j = settling.relations.start + k
             new[j] = ca.if_else(rests, m[j], new[j])
         error = ca.if_else(theta < 1, error + self._fallen(t + self.h, rest, x2, z2, x, [u, p, me]), 0)
-        found = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough, large, error)]
-        return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse(found))
+        results = [ca.densify(v) for v in (x, z, new, ca.logic_not(missed), rough, large, error)]
+        return ca.Function("rest_of_step", [*s.inputs, *given], ca.cse(results))
 
     def _rested(self, t: Any, x: Any, z: Any, held: Sequence[Any], resting: Sequence[Any]) -> Any:
-        """States x with those of bodies at rest on their guards, which a step without contact lets fall.
+        """States x with bodies at rest projected back onto their guards, because a step without contact lets them fall.
 
-        Else any other event of the step would find them fallen, and their `when`s act once more.
+        Otherwise any other event of the step would find them below their guards, and their `when`s would act again.
         """
         for impact in self._impacts:
             k = impact.relation
@@ -342,12 +350,13 @@ class HybridStep:
         return x
 
     def _dips(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> Any:
-        """Whether a guard that is positive at both ends of a part may be crossed there and back up to `share`.
+        """Whether a guard that is positive at both ends of a part may be crossed twice in the first `share` of it.
 
         As in `events/location/bracketing.py`, without its integrated points: the cubic through both ends is evaluated
-        where its slope would vanish if that were linear, and the guard itself where the tangents at both ends meet, the
-        place of a kink. A guard that oscillates within the step is no cubic: it is evaluated inside, and may be crossed
-        if it deviates from the cubic by more than its value and by a tenth of its magnitude.
+        where its slope would vanish if the slope were linear, and the guard itself where the tangents at both ends
+        intersect, the position of a kink. A guard that oscillates within the step is not a cubic: it is evaluated at
+        inner points, and may be crossed if it deviates from the cubic by more than its value and a tenth of its
+        magnitude.
         """
         watch, rates = self.compiled.events.watch, self.settling.rates
         g0, g1 = watch(t, x, z, *held), watch(t + h, x1, z1, *held)
@@ -355,34 +364,35 @@ class HybridStep:
         found = []
         for k in range(g0.numel()):
             a, b = h * rate0[k], h * rate1[k]
-            turns = ca.logic_and(ca.logic_and(a < 0, b > 0), ca.logic_and(g0[k] > noise[k], g1[k] >= 0))
-            rise, fall = g1[k] - g0[k], ca.if_else(turns, a - b, 1)
+            has_minimum = ca.logic_and(ca.logic_and(a < 0, b > 0), ca.logic_and(g0[k] > noise[k], g1[k] >= 0))
+            rise, fall = g1[k] - g0[k], ca.if_else(has_minimum, a - b, 1)
             meet, low = (rise - b) / fall, a / fall
             cubic = g0[k] + low * (a + low * (3 * rise - 2 * a - b + low * (a + b - 2 * rise)))
             there = watch(t + meet * h, *self._interpolate(t, h, x, z, x1, z1, held, meet), *held)[k]
             kink = ca.logic_and(meet <= share, there < 0)
-            found.append(ca.logic_and(turns, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
-        for part in _INSIDE:
-            s = share * part
+            found.append(ca.logic_and(has_minimum, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
+        for position in _INSIDE:
+            s = share * position
             inside = watch(t + s * h, *self._interpolate(t, h, x, z, x1, z1, held, s), *held)
             for k in range(g0.numel()):
                 rise, a, b = g1[k] - g0[k], h * rate0[k], h * rate1[k]
                 smooth = g0[k] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
-                off, least = ca.fabs(inside[k] - smooth), ca.fmin(ca.fmin(g0[k], g1[k]), inside[k])
+                deviation, least = ca.fabs(inside[k] - smooth), ca.fmin(ca.fmin(g0[k], g1[k]), inside[k])
                 if self.method.name in IMPLICIT:  # rates at the ends may be those of fast transients
-                    off = ca.fmin(off, ca.fabs(inside[k] - g0[k] - s * rise))
+                    deviation = ca.fmin(deviation, ca.fabs(inside[k] - g0[k] - s * rise))
                 size = ca.fmax(g0[k], g1[k])
                 outside = ca.logic_and(g0[k] > noise[k], g1[k] >= 0)
-                jagged = ca.logic_and(off > least, off > _JAGGED * size)
+                jagged = ca.logic_and(deviation > least, deviation > _JAGGED * size)
                 found.append(ca.logic_and(outside, ca.logic_or(inside[k] < -noise[k], jagged)))
         return any_of(found)
 
     def _crossing(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """(Relative position of the first crossed guard, 1 for none; mask of those crossed there; its uncertainty).
+        """(Relative position of the first crossing, 1 if none; mask of the guards crossed there; its uncertainty).
 
-        The root of the least of all crossed guards, each by its size at the start: the guard with the first secant need
-        not be the first one to be crossed. The retained end of the bracket is scaled only when it is retained again,
-        and the last points lie beside their secants, so that both ends are near the root.
+        The position is the root of the minimum of all crossed guards, each relative to its value at the start, because
+        the guard whose secant is zero first need not be crossed first. The retained end of the bracket is scaled down
+        only when it is retained again, and the last points are offset from their secants, so that both ends of the
+        bracket are near the root.
         """
         if not passed:
             return ca.SX(1), [], ca.SX(0)
@@ -391,7 +401,7 @@ class HybridStep:
         between = self._between(s.t, s.x, s.z, xb, zb, held, share)
         g = self.compiled.events.watch(s.t + share * self.h, *between, *held)
         here = ca.Function("here", [share, *s.inputs, xb, zb], [ca.densify(g)])
-        some = any_of(passed)
+        is_any = any_of(passed)
 
         def least(values: Any) -> Any:
             found: Any = ca.SX(1)
@@ -400,11 +410,11 @@ class HybridStep:
             return found
 
         a, b, fa, fb, at_b, side = ca.SX(0), ca.SX(1), ca.SX(1), least(g1), g1, ca.SX(0)
-        for k in range(_LOCATING):
-            c = (a * fb - b * fa) / ca.if_else(some, fb - fa, 1)
-            if k == _LOCATING - 2:
-                c = c + _ASIDE * (b - a) * ca.if_else(c - a < b - c, 1, -1)
-            elif k == _LOCATING - 1:
+        for k in range(_EVALUATIONS):
+            c = (a * fb - b * fa) / ca.if_else(is_any, fb - fa, 1)
+            if k == _EVALUATIONS - 2:
+                c = c + _OFFSET * (b - a) * ca.if_else(c - a < b - c, 1, -1)
+            elif k == _EVALUATIONS - 1:
                 c = ca.fmin(b, c + _BEYOND * (b - a))
             at_c = here(c, *s.inputs, x1, z1)
             fc = least(at_c)
@@ -415,15 +425,16 @@ class HybridStep:
             at_b, side = ca.if_else(before, at_b, at_c), ca.if_else(before, 1, -1)
             a, b = ca.if_else(before, c, a), ca.if_else(before, b, c)
         chosen = [ca.logic_and(is_passed, at_b[k] <= 0) for k, is_passed in enumerate(passed)]
-        # the end of the bracket where the relation has changed: at the other it would change back
-        theta = ca.if_else(some, ca.fmin(b, 1 - TICK), 1)
-        return theta, chosen, ca.if_else(some, b - a, 0)
+        # use the end of the bracket at which the relation has changed: at the other end it would change back
+        theta = ca.if_else(is_any, ca.fmin(b, 1 - TICK), 1)
+        return theta, chosen, ca.if_else(is_any, b - a, 0)
 
     def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:
-        """States within a step: cubic, or linear for implicit methods, whose rates may be those of fast transients.
+        """(x, z) at the fraction `share` of a step, interpolated in x by a cubic.
 
-        Algebraic variables are solved for, because an instant located on their linear interpolation may not be one at
-        which the relation has changed.
+        For implicit methods, whose rates may be those of fast transients, the interpolation is linear. Algebraic
+        variables are solved for, because at an instant located on their linear interpolation the relation need not have
+        changed.
         """
         x_between, w = self._interpolate(t, self.h, x, z, x1, z1, held, share)
         return x_between, self.method.algebraic(t + share * self.h, x_between, w, held)
@@ -467,7 +478,7 @@ class HybridStep:
 
 
 def _rests(*distances: Any) -> Any:
-    """Whether the sides of a relation are equal at one of two points."""
+    """Whether the sides of a relation are equal (its distance is `AT_REST`) at any of these points."""
     return any_of(ca.fabs(g) == AT_REST for g in distances)
 
 
@@ -476,25 +487,29 @@ def _weight(ratio: Any) -> Any:
 
 
 def _projection(compiled: CompiledModel, relation: int, target: int) -> Any:
-    """Function that projects states onto a guard: along the states driven by the reset one, and at rest."""
+    """Function `(t, x, z, u, p, m) -> (onto, still)` that projects states onto the guard of a relation.
+
+    `onto` moves the states that the reset one (`target`) drives, `still` also the reset one, so that the guard is at
+    rest.
+    """
     s = Symbols(compiled)
     ode = compiled.rhs(*s.inputs)[0]
     distance = compiled.events.distances(*s.inputs)[relation]
     approach = ca.jtimes(distance, ca.vertcat(s.t, s.x), ca.vertcat(1, ode))
     driven = ca.densify(ca.jacobian(ode, s.x[target]))
-    own = ca.SX.zeros(s.x.numel(), 1)
-    own[target] = 1
+    unit = ca.SX.zeros(s.x.numel(), 1)
+    unit[target] = 1
     slope = ca.jacobian(ca.vertcat(distance, approach), s.x)
-    ways = ca.horzcat(driven, own)
-    still = s.x - ways @ ca.solve(ca.densify(slope @ ways), ca.vertcat(distance, approach))
+    directions = ca.horzcat(driven, unit)
+    still = s.x - directions @ ca.solve(ca.densify(slope @ directions), ca.vertcat(distance, approach))
     onto = s.x - driven * (distance / ca.densify(slope[0, :] @ driven))
     return ca.Function("onto", s.inputs, [ca.densify(onto), ca.densify(still)])
 
 
-def _refuse_shares(compiled: CompiledModel, begin: StartPoint) -> None:
-    """Refuse more friction elements than motions that they can stop: a step has one set of equations for all modes.
+def _refuse_indeterminate_friction(compiled: CompiledModel, begin: StartPoint) -> None:
+    """Refuse models with more friction elements than motions that these can stop.
 
-    Checked with all elements stuck. Raises ExportError: AC610.
+    A step has one set of equations for all modes, which is checked with all elements stuck. Raises ExportError: AC610.
     """
     shares = functions_of(compiled).shares
     if shares is None:

@@ -1,11 +1,11 @@
 """Fixed-step methods as expressions with a fixed number of operations, whatever the values are.
 
-"rk2" (Heun) and "rk4" (classical) for models that are not stiff at the step. "rosenbrock": RODAS3, four stages, order
-3, L-stable (A. Sandu et al., Atmospheric Environment 31 (1997) 3459-3472, in the implementation form of E. Hairer and
-G. Wanner, Solving Ordinary Differential Equations II, IV.7). "sdirk": two stages, order 2, L-stable (R. Alexander, SIAM
-J. Numer. Anal. 14 (1977) 1006-1021). A Rosenbrock method linearises once per step, without a stiff contact that closes
-within the step: a drill at 1 ms is thrown out of its block. Stages of "sdirk" are solved at their own points, and so
-include the contact.
+"rk2" (Heun) and "rk4" (classical) are for models that are not stiff at the step. "rosenbrock": RODAS3, four stages,
+order 3, L-stable (A. Sandu et al., Atmospheric Environment 31 (1997) 3459-3472, in the implementation form of E. Hairer
+and G. Wanner, Solving Ordinary Differential Equations II, IV.7). "sdirk": two stages, order 2, L-stable (R. Alexander,
+SIAM J. Numer. Anal. 14 (1977) 1006-1021). A Rosenbrock method linearises at the start of the step, and so misses a
+stiff contact that closes within the step: with 1 ms, a drill is thrown out of its block. Stages of "sdirk" are solved
+at their own points, and so include the contact.
 
 Algebraic variables and stages of "sdirk" are solved for by a fixed number of full Newton steps. For ThickBlock at 1 ms
 two suffice for a stage, and damping made no difference. They fail for a kink in an algebraic equation whose slopes
@@ -31,10 +31,11 @@ METHODS = ("rk2", "rk4", "rosenbrock", "sdirk")
 IMPLICIT = ("rosenbrock", "sdirk")
 _NEWTON_STEPS = 3
 _STAGE_STEPS = 4
-# The last step of a converged iteration, by the unknowns and their magnitudes: what is left is its square.
+# Newton's method counts as converged if its last step is at most this fraction of an unknown plus its nominal
+# magnitude: the remaining error is of the order of the square.
 _CONVERGED = 1e-5
-# The same where rates are asked for an estimate of errors.
-_NEAR = 3e-2
+# The same for rates that serve an error estimate only.
+_CONVERGED_FOR_ESTIMATE = 3e-2
 
 # RODAS3; rows of the lower triangles.
 _GAMMA = 0.5
@@ -52,9 +53,8 @@ class Method:
     """A method for `rates`: `(t, x[nx], z[nz], *held) -> (ode, alg)`, an SX function.
 
     `held` are the arguments that are constant in a step: inputs, parameters, modes. The last `constant` entries of x,
-    the discrete variables, are constant too: as unknowns of an implicit method they would change by rounding errors,
-    and
-    `change(d)` compares values exactly.
+    the discrete variables, are constant, too: as unknowns of an implicit method they would change by rounding errors,
+    and `change(d)` compares values exactly.
     """
 
     name: str
@@ -65,11 +65,11 @@ class Method:
 
     @property
     def is_explicit(self) -> bool:
-        """Whether steps can be too large for it."""
+        """Whether the method is explicit, so that steps can be too large for its stability."""
         return self.name not in IMPLICIT
 
     def too_large(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
-        """1 where a step from here amplifies a mode that decays, from differences of two stages at one time."""
+        """1 if a step from this point amplifies a decaying mode, from differences of two stages at one instant."""
         if not self.is_explicit:
             return ca.SX(0)
         z1 = self.algebraic(t, x, z, held)
@@ -86,12 +86,13 @@ class Method:
         return unstable(2 if self.name == "rk2" else 4, h, x, nominal, differences(rates, reach, a, ka, b))
 
     def error(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any = 1) -> Any:
-        """Estimated error of a step to (x1, z1), or of its first `share`, by the sizes of the states.
+        """Estimated error of a step to (x1, z1), or of its first fraction `share`, relative to nominal magnitudes.
 
-        Defects of stiff components decay within the step: those of an implicit method are damped by one implicit Euler
-        step of the variational equation, with the Jacobian at the same point. Beside an event, its states are those of
-        a chord (`HybridStep`), and so is the curve. What is left out of its bend at the start, the rates of transients,
-        counts at the start: one that is over before the first point inside is seen nowhere else.
+        Defects of stiff components decay within the step. Therefore those of an implicit method are damped by one
+        implicit Euler step of the variational equation, with the Jacobian at the same point. Up to an event, the states
+        of an implicit method follow the chord (`HybridStep`), and so does the interpolant. The rates of transients,
+        which are left out of its bend at the start, are counted at the start: a transient that is over before the first
+        inner point appears nowhere else.
         """
         nx = self._nx
         if self.constant:
@@ -104,10 +105,10 @@ class Method:
         bend = bends(h, x, self.rates(t, x, z0, *held)[0], x1, self.rates(t + h, x1, z1, *held)[0])
         left_out: Any = ca.SX(0)
 
-        def damped(t: Any, point: Any, w: Any, off: Any) -> Any:
+        def damped(t: Any, point: Any, w: Any, value: Any) -> Any:
             reach = h * (_GAMMA if self.name == "rosenbrock" else _DIAGONAL)
             matrix = ca.SX.eye(nx) - reach * self._total(t, point, w, *held)[0]
-            return ca.solve(ca.sparsify(matrix), ca.densify(off))
+            return ca.solve(ca.sparsify(matrix), ca.densify(value))
 
         if not self.is_explicit:
             first, last = even(*bend)
@@ -115,23 +116,23 @@ class Method:
             bend = ca.if_else(share >= 1, first, 0), ca.if_else(share >= 1, last, 0)
 
         def defect_at(s: Any, point: Any, slope: Any) -> Any:
-            w, failed = self._solved(t + s * h, point, z0 + s * (z1 - z0), held, _NEAR)
-            off = slope - h * self.rates(t + s * h, point, w, *held)[0]
-            off = off if self.is_explicit else damped(t + s * h, point, w, off)
-            return off + unsolved(failed)
+            w, failed = self._solved(t + s * h, point, z0 + s * (z1 - z0), held, _CONVERGED_FOR_ESTIMATE)
+            value = slope - h * self.rates(t + s * h, point, w, *held)[0]
+            value = value if self.is_explicit else damped(t + s * h, point, w, value)
+            return value + unsolved(failed)
 
         return ca.fmax(left_out, defect(x, x1, bend, defect_at, nominal, share))
 
     def displaced(self, t: Any, h: Any, x: Any, z: Any, onto: Any, held: Sequence[Any]) -> Any:
-        """Error of a step that ends at `x`, from states that have to be at `onto` during it, in all other states.
+        """Error in all other states of a step that ends at `x`, although some states should have stayed at `onto`.
 
-        A third of the step with the rates of its end: what has to stay at a place departs from it with the square of
-        time. By the sizes of the states.
+        The rates at both points differ; their effect is that of a third of the step, because a body that should be at
+        rest departs with the square of time. The result is relative to the nominal magnitudes of the states.
         """
         nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[0]
         there = self.rates(t, onto, self.algebraic(t, onto, z, held), *held)[0]
-        off = ca.if_else(x == onto, (self.rates(t, x, z, *held)[0] - there) / nominal, 0)
-        return h / 3 * largest(self._nx)(off)
+        difference = ca.if_else(x == onto, (self.rates(t, x, z, *held)[0] - there) / nominal, 0)
+        return h / 3 * largest(self._nx)(difference)
 
     @property
     def _nx(self) -> int:
@@ -143,31 +144,31 @@ class Method:
 
     @property
     def iterates(self) -> bool:
-        """Whether its steps solve equations by Newton's method."""
+        """Whether its steps use Newton's method."""
         return self.name == "sdirk" or self._nz > 0
 
     def step(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
         """(x, z, rough) after a step of length `h`, which may be an expression.
 
-        `rough` is 1 if Newton's method has not converged in one of the iterations, or may have gone over to another
+        `rough` is 1 if Newton's method has not converged in one of the iterations, or may have switched to another
         solution.
         """
         if self.constant:
             moving = ca.vertsplit(x, [0, self._nx - self.constant, self._nx])
             new, z, rough = self._moving.step(t, h, moving[0], z, [moving[1], *held])
             return ca.vertcat(new, moving[1]), z, rough
-        ways = {"rosenbrock": self._rosenbrock, "sdirk": self._sdirk}
-        new, end, rough = ways.get(self.name, self._explicit)(t, h, x, z, held)
+        implicit = {"rosenbrock": self._rosenbrock, "sdirk": self._sdirk}
+        new, end, rough = implicit.get(self.name, self._explicit)(t, h, x, z, held)
         if self._along.numel_out(0):
             start = self.algebraic(t, x, z, held)
-            before, behind = self._along(t, x, start, *held), self._along(t + h, new, end, *held)
-            rough = ca.logic_or(rough, meets(h, before, behind))
-            rough = ca.logic_or(rough, self._leads_elsewhere(t + h, new, start + h * before[2], end, held))
-            rough = ca.logic_or(rough, self._leads_elsewhere(t, x, end - h * behind[2], start, held))
+            first, last = self._along(t, x, start, *held), self._along(t + h, new, end, *held)
+            rough = ca.logic_or(rough, meets(h, first, last))
+            rough = ca.logic_or(rough, self._leads_elsewhere(t + h, new, start + h * first[2], end, held))
+            rough = ca.logic_or(rough, self._leads_elsewhere(t, x, end - h * last[2], start, held))
         return new, end, rough
 
     def _leads_elsewhere(self, t: Any, x: Any, ahead: Any, z: Any, held: Sequence[Any]) -> Any:
-        """1 if Newton's method leads from `ahead` to another solution than `z`, as beyond a kink where two meet."""
+        """1 if Newton's method leads from `ahead` to a solution other than `z`, as beyond a kink where two meet."""
         nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1]
         found = self.algebraic(t, x, ahead, held)
         return ca.logic_and(self._far(found, z, nominal), ca.logic_not(self.rough(t, x, found, held)))
@@ -184,22 +185,22 @@ class Method:
         return z, self._far(before, z, ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1], most)
 
     def rough(self, t: Any, x: Any, z: Any, held: Sequence[Any]) -> Any:
-        """1 if these are not the algebraic variables at a point, 0 if a further Newton step hardly moves them."""
+        """1 if `z` does not solve the algebraic equations at a point, 0 if a further Newton step hardly changes it."""
         if not self._nz:
             return ca.SX(0)
         nominal = ca.vertsplit(ca.DM(self.nominal), [0, self._nx, self._nx + self._nz])[1]
         return self._far(z, self._newton(t, x, z, *held), nominal)
 
     def _far(self, before: Any, after: Any, nominal: Any, most: float = _CONVERGED) -> Any:
-        """1 if two iterates differ by more than a converging Newton's method leaves at its last step."""
+        """1 if two iterates differ by more than `most`, relative to the last one plus its nominal magnitude."""
         if not after.numel():
             return ca.SX(0)
-        apart = ca.fabs(after - before) / (ca.fabs(after) + nominal)
-        return ca.sum1(apart <= most) < apart.numel()  # also where one is nan, which a maximum ignores
+        difference = ca.fabs(after - before) / (ca.fabs(after) + nominal)
+        return ca.sum1(difference <= most) < difference.numel()  # also if one is nan, which a maximum ignores
 
     @cached_property
     def _moving(self) -> Method:
-        """The method for the states that change between events; the others become the first of the held arguments."""
+        """The method for the states that change between events; the others become the first of the `held` arguments."""
         here = self._symbols()
         moving, still = ca.vertsplit(here[1], [0, self._nx - self.constant, self._nx])
         inner = [here[0], ca.SX.sym("x", moving.numel()), here[2], ca.SX.sym("d", still.numel()), *here[3:]]
@@ -252,7 +253,7 @@ class Method:
         return new, solved(t + h, new, z4), rough
 
     def _rosenbrock(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """RODAS3 for the states; algebraic variables are solved for at each stage, for steps across kinks."""
+        """RODAS3 for the states; algebraic variables are solved for at each stage, so that steps may cross kinks."""
         z, rough = self._solved(t, x, z, held)
         slope, drift = self._total(t, x, z, *held)
         matrix = ca.sparsify(ca.SX.eye(self._nx) / (h * _GAMMA) - slope)
@@ -279,8 +280,8 @@ class Method:
         independent = ca.vertcat(here[1], here[0])
         slope = ca.jacobian(ode, independent)
         if self._nz:
-            follow = ca.solve(ca.jacobian(alg, here[2]), ca.densify(ca.jacobian(alg, independent)))
-            slope = slope - ca.jacobian(ode, here[2]) @ follow
+            dz = ca.solve(ca.jacobian(alg, here[2]), ca.densify(ca.jacobian(alg, independent)))
+            slope = slope - ca.jacobian(ode, here[2]) @ dz
         return ca.Function("total", here, [slope[:, :-1], slope[:, -1]])
 
     def _sdirk(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
@@ -292,7 +293,7 @@ class Method:
         return last, z, ca.logic_or(rough, far)
 
     def _stage(self, t: Any, reach: Any, base: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Solve x == base + reach * rates(x, z), with the algebraic equations, from a guess; and 1 if that fails."""
+        """(x, z, failed) of the stage x == base + reach * rates(x, z), with the algebraic equations, from a guess."""
         w = before = ca.vertcat(x, z)
         for _ in range(_STAGE_STEPS):
             before, w = w, self._stage_step(t, reach, base, w, *held)

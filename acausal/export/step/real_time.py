@@ -1,4 +1,4 @@
-"""Timing of compiled step functions, step by step: the mean gives the throughput, the worst the real-time limit."""
+"""Timing of compiled step functions, step by step: the mean time is the throughput, the worst the real-time limit."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ void acausal_timed(long long n, double* x, const double* u, const double* p, dou
 
 @dataclass(frozen=True)
 class RealTime:
-    """Computing times of steps [s], including reading the clock; factors are simulated over computing time."""
+    """Computing times of steps [s], reading the clock included; factors are simulated time over computing time."""
 
     method: str
     step: float
@@ -55,9 +55,9 @@ class RealTime:
 def real_time(
     made: StepFunction, steps: int, x: Vector | None = None, u: Vector | None = None
 ) -> tuple[RealTime, Vector]:
-    """Time compiled steps from the start (or `x`, shape (nx,)) with constant inputs `u`, shape (nu,).
+    """Time compiled steps from the start (or from `x`, shape (nx,)) with constant inputs `u`, shape (nu,).
 
-    Returns the times, and the final x, shape (nx,).
+    Returns the times and the final x, shape (nx,).
 
     Raises ExportError: AC607 without a C compiler.
     """
@@ -65,7 +65,7 @@ def real_time(
     key = cache.key("real time", hashlib.sha256(source.encode()).hexdigest())
     path = cache.find(key) or cache.build(key, source)
     if path is None:
-        raise ExportError("AC607", "no C compiler: steps in real time are compiled", help="install cc, gcc or clang")
+        raise ExportError("AC607", "no C compiler: timing needs compiled steps", help="install cc, gcc or clang")
     call = ctypes.CDLL(str(path)).acausal_timed
     state = np.array(made.x.start if x is None else x, dtype=float)
     held = np.array(made.u.start if u is None else u, dtype=float)

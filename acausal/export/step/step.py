@@ -1,12 +1,12 @@
 """One step of a fixed-step method as a function `step(x, u, p) -> (x, y)`, for real-time loops.
 
 The work of a call is bounded: no step control, no iteration until convergence, no memory except the arguments. Its C
-code is straight-line, except for the turns of an event iteration. The methods are those of `methods.py`; models with
-events use `hybrid_step.py`, their modes being part of x. Relations of time change at the first multiple of the step
-that is not before their instant: exact for instants on the grid.
+code is straight-line, except for the passes of an event iteration. The methods are those of `methods.py`; models with
+events use `hybrid_step.py`, with their modes as part of x. Relations of time change at the first multiple of the step
+that is not before their instant, which is exact for instants on this grid.
 
-Conditions that a step of bounded work cannot guarantee are reported by flags behind the outputs in y, 0 if all is well,
-and its accuracy by an estimate behind them (`defect.py`).
+Conditions that a step of bounded work cannot guarantee are reported by flags after the outputs in y (0 if satisfied),
+and an estimate of the accuracy follows them (`defect.py`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.meeting.kinked import meeting_relations
 
-# Unrolled factorisations grow with the cube of the number of unknowns.
+# Limit on simultaneous unknowns: unrolled factorisations grow with the cube of their number.
 _MOST_UNKNOWNS = 60
 
 
@@ -45,7 +45,7 @@ def step_function(
     *,
     error: bool = True,
 ) -> StepFunction:
-    """Create a function for one step of length `step` [s] of the states, shape (n,), including events.
+    """Create a function for one step of length `step` [s] of the model, events included.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def step_function(
     if size > _MOST_UNKNOWNS:
         raise ExportError(
             "AC606",
-            f"a step of {compiled.name} solves for {size} unknowns at once, which is written out in full up to "
+            f"a step of {compiled.name} solves for {size} unknowns at once: the limit of unrolled code is "
             f"{_MOST_UNKNOWNS}",
-            help="reduce the model, or take an explicit method" if method in IMPLICIT else "reduce the model",
+            help="reduce the model, or use an explicit method" if method in IMPLICIT else "reduce the model",
         )
     return _Builder(compiled, step, method, wanted, left_out, error).result()
 
@@ -104,12 +104,12 @@ class _Builder:
         observed = observed_function(compiled, self.wanted)(*s.inputs)
         rates = compiled.rhs(*s.inputs)
         self.y = ca.Function("y", s.inputs, [ca.densify(observed)])
-        rates_of = ca.Function("rates", s.inputs, [ca.densify(v) for v in rates])
+        rates_function = ca.Function("rates", s.inputs, [ca.densify(v) for v in rates])
         nominal = ca.vertcat(ca.DM(compiled.nominal_x), ca.DM(compiled.nominal_z))
-        self.method = Method(method, rates_of, nominal, compiled.discretes)
+        self.method = Method(method, rates_function, nominal, compiled.discretes)
         if self.method.is_explicit:
-            large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m])
-            self.too_large = ca.Function("too_large", s.inputs, [ca.densify(large)])
+            too_large = self.method.too_large(s.t, step, s.x, s.z, [s.u, s.p, s.m])
+            self.too_large = ca.Function("too_large", s.inputs, [ca.densify(too_large)])
         self.rough = ca.Function("rough", s.inputs, [self.method.rough(s.t, s.x, s.z, [s.u, s.p, s.m])])
         self.hybrid = HybridStep(compiled, self.method, self.u, self.p, step, estimates) if events else None
 
@@ -145,14 +145,14 @@ class _Builder:
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
-        """(x without its time, y, time) at the end of a step from `stored`."""
+        """(x without its time, y, time) at the end of a step from `stored`, which is x without its time."""
         compiled, hybrid, h = self.compiled, self.hybrid, self.h
         nx, nz = len(compiled.states), len(compiled.algebraic)
         x, z, kept = ca.vertsplit(stored, [0, nx, nx + nz, stored.numel()])
-        # time as a multiple of the step, because a sum of steps would drift off the samples within a day
-        turn = ca.floor((clock - start) / h + 0.5)
-        on_grid = ca.fabs(start + turn * h - clock) < at_end(clock, h)
-        t, end = ca.if_else(on_grid, start + turn * h, clock), ca.if_else(on_grid, start + (turn + 1) * h, clock + h)
+        # compute time as a multiple of the step: a sum of steps would drift off the samples within a day
+        k = ca.floor((clock - start) / h + 0.5)
+        on_grid = ca.fabs(start + k * h - clock) < at_end(clock, h)
+        t, end = ca.if_else(on_grid, start + k * h, clock), ca.if_else(on_grid, start + (k + 1) * h, clock + h)
         before = hybrid.modes(t, kept) if hybrid else self._timely(t)
         large = self.too_large(t, x, z, self.u, self.p, before) if self.method.is_explicit else 0
         if hybrid:
@@ -183,7 +183,7 @@ class _Builder:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes on the limits of steps of this size."""
+        """Notes on the limits of steps of this length."""
         return (*(self.hybrid.notes if self.hybrid else ()), *note(self.compiled, self.h))
 
     @property
@@ -192,27 +192,29 @@ class _Builder:
         unsettled = Port(
             "step.unsettled", "", "1 if the event iteration of the step did not end, or contradicts itself", 0.0
         )
-        missed = Port("step.unlocated", "", "1 if the step missed an event besides the one it located", 0.0)
+        missed = Port("step.unlocated", "", "1 if the step missed an event in addition to the one it located", 0.0)
         large = Port("step.too_large", "", "1 if the explicit method is unstable at this step", 0.0)
         events = [unsettled, missed] if self.hybrid else [missed] * bool(self.compiled.n_timely)
         rough = Port("step.unconverged", "", "1 if Newton's method did not converge, or solutions may meet", 0.0)
-        error = Port("step.error", "", "Estimated error that the step adds to a state, by its nominal value", 0.0)
+        error = Port(
+            "step.error", "", "Estimated error that the step adds to a state, relative to its nominal value", 0.0
+        )
         flags = events + [large] * self.method.is_explicit + [rough] * self.method.iterates
         return flags + [error] * self.estimates
 
     def _timely(self, t: Any) -> Any:
-        """Modes just after an instant; those of variables are not looked at."""
+        """Modes just after an instant, in a model without events; modes of relations of variables, unused, are 0."""
         compiled = self.compiled
         return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))
 
 
 def _meeting(compiled: CompiledModel, begin: StartPoint) -> tuple[str, ...]:
-    """A note on events at which solutions of algebraic equations meet, judged at the start."""
+    """A note on events at which solutions of algebraic equations meet, as far as they are recognised at the start."""
     problem = Problem(compiled, begin.p, begin.u)
     found = meeting_relations(problem, begin.t, begin.x, begin.z, begin.m)
     if not found:
         return ()
     return (
-        f"solutions of algebraic equations meet where {listed(found, 3)} changes: no flag says which of them a step "
-        "goes on with; state which is meant, by where(...) or another form of the equation",
+        f"solutions of algebraic equations meet where {listed(found, 3)} changes: no flag tells which of them a step "
+        "continues with; state which one is meant, by where(...) or another form of the equation",
     )

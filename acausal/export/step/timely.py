@@ -1,7 +1,7 @@
 """Relations of time and clocks within one exported step.
 
-A step begins with the relations as they hold just after its start, and keeps them to its end: an instant between the
-two, at which one changes or a clock ticks, is taken at the end. Such steps are known exactly, and reported by a flag.
+A step takes relations of time as they are just after its start, and keeps them constant to its end. If a relation
+changes or a clock ticks within the step, this acts at its end. Such steps are known exactly and reported by a flag.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 
-# A clock counts as ticking at an instant to this share of its interval, and of the step.
+# Relative tolerance of intervals of clocks, and of positions within a step.
 TICK = 1e-9
-# An instant so near to the end of a step, by the step, is at its end; and so is one that rounding has moved off it.
+# An instant closer to the end of a step than this fraction of the step, plus rounding errors, counts as at the end.
 _AT_END, _ROUNDING = 1e-6, 4.0 * float(np.finfo(float).eps)
 
 
 def at_end(t: Any, h: float) -> Any:
-    """How near [s] to a multiple `t` of a step `h` an instant is at it."""
+    """Distance [s] from `t`, a multiple of the step `h`, within which an instant counts as being at `t`."""
     return _AT_END * h + _ROUNDING * ca.fabs(t)
 
 
@@ -32,23 +32,23 @@ def timely(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
 
 
 def ticks(compiled: CompiledModel, h: float) -> Any:
-    """Function `(t, p) -> (due, late)`: samples that tick in the step that ends at t, and those before its end."""
+    """Function `(t, p) -> (due, late)`: samples that tick in the step that ends at t, and those that tick before t."""
     pool, s = compiled.solution.structure.reduced.pool, Symbols(compiled)
     builder = s.builder(compiled)
     due, late = [], []
     for number in compiled.state_events.samples:
         _, a, b = pool.nodes[number]
         first, interval = builder.lower([a, b])
-        near = at_end(s.t, h)
-        before, now = (ca.floor((at + near - first) / interval) for at in (s.t - h, s.t))
+        tolerance = at_end(s.t, h)
+        before, now = (ca.floor((at + tolerance - first) / interval) for at in (s.t - h, s.t))
         due.append(ca.logic_and(now > before, now >= 0))
-        again = ca.logic_and(now > before + 1, now >= 1)
-        late.append(ca.logic_and(due[-1], ca.logic_or(again, first + now * interval < s.t - near)))
+        is_repeated = ca.logic_and(now > before + 1, now >= 1)
+        late.append(ca.logic_and(due[-1], ca.logic_or(is_repeated, first + now * interval < s.t - tolerance)))
     return ca.Function("ticks", [s.t, s.p], [ca.densify(ca.vertcat(ca.SX(0, 1), *v)) for v in (due, late)])
 
 
 def inside(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
-    """Whether a relation of time changes inside the step of length `h` [s] from `t` [s]."""
+    """Whether a relation of time changes within the step of length `h` [s] from `t` [s], ends excluded."""
     found: Any = 0
     if compiled.n_timely:
         for instant in ca.vertsplit(compiled.instants(p)):
@@ -57,10 +57,10 @@ def inside(compiled: CompiledModel, t: Any, h: float, p: Any) -> Any:
 
 
 def note(compiled: CompiledModel, h: float) -> tuple[str, ...]:
-    """Note on the limit of steps of this size."""
+    """Note on time events within steps of this length; none if the model has no time events."""
     if not compiled.n_timely and not compiled.state_events.samples:
         return ()
     return (
-        f"time events and clock ticks inside a step of {h:g} s act at its end, and step.unlocated in y is 1: make them "
-        "multiples of the step",
+        f"time events and clock ticks within a step of {h:g} s act at its end, and step.unlocated in y is 1: let them "
+        "be at multiples of the step",
     )

@@ -1,4 +1,4 @@
-"""Compiled steps, `steps.c`, for the functions of one regime, called through ctypes."""
+"""Compiled steps (`steps.c`) with the functions of one regime, called through ctypes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DONE, _FULL, _STIFF, _LOST = range(4)
 _HEAD = 3
 _FILES = "shared", "radau", "explicit", "steps"
 # Number of steps recorded in one array.
-_MOST = 1024
+_RECORDED = 1024
 
 
 class Structure(ctypes.Structure):
@@ -45,7 +45,7 @@ class Program:
     """The compiled steps of one regime."""
 
     def __init__(self, path: Path, slopes: Slopes) -> None:
-        """Load the library; OSError or AttributeError when it is not one of ours."""
+        """Load the library; OSError or AttributeError if it is not such a program."""
         library = ctypes.CDLL(str(path))
         self._forward, self._back = library.acausal_vary, library.acausal_vary_back
         self.slopes = slopes
@@ -53,46 +53,47 @@ class Program:
     def carry(
         self, interval: Interval, x: Vector, parameters: bool, stiffness: Stiffness
     ) -> Iterator[tuple[float, Vector, Vector]]:
-        """As `Variation.carry`, shapes as there; ends early if stiff steps have too many variables."""
-        own = self._structure(interval, stiffness, x.shape[1], parameters)
-        own.begin(x)
+        """As `Variation.carry`, with the same shapes; ends early if the model is stiff and has too many variables."""
+        arguments = self._structure(interval, stiffness, x.shape[1], parameters)
+        arguments.begin(x)
         for end in interval.ends:
-            if not self._step_to(own, end, stiffness):
+            if not self._step_to(arguments, end, stiffness):
                 return
-            yield end, own.w.copy(), own.x.copy()
+            yield end, arguments.w.copy(), arguments.x.copy()
 
     def recorded(self, interval: Interval, x: Vector, stiffness: Stiffness) -> tuple[Vector, Back] | None:
-        """As `Variation.recorded`, shapes as there; None where `carry` would end early."""
-        own = self._structure(interval, stiffness, x.shape[1], True)
-        own.begin(x)
+        """As `Variation.recorded`, with the same shapes; None where `carry` would end early."""
+        arguments = self._structure(interval, stiffness, x.shape[1], True)
+        arguments.begin(x)
         records: list[tuple[Vector, int]] = []
         for end in interval.ends:
-            while own.fields.t < end:
-                record = np.empty((_MOST, _HEAD + STAGES * self.slopes.n))
-                own.fields.record, own.fields.capacity, own.fields.steps = address(record), _MOST, 0
-                if not self._step_to(own, end, stiffness):
+            while arguments.fields.t < end:
+                record = np.empty((_RECORDED, _HEAD + STAGES * self.slopes.n))
+                fields = arguments.fields
+                fields.record, fields.capacity, fields.steps = address(record), _RECORDED, 0
+                if not self._step_to(arguments, end, stiffness):
                     return None
-                records.append((record[: own.fields.steps].copy(), own.fields.steps))
+                records.append((record[: arguments.fields.steps].copy(), arguments.fields.steps))
 
         def back(rows: Vector) -> tuple[Vector, Vector]:
-            own.resize(len(rows))
-            own.x[:] = rows.T
+            arguments.resize(len(rows))
+            arguments.x[:] = rows.T
             for record, steps in reversed(records):
-                own.fields.record, own.fields.steps = address(record), steps
-                if self._back(ctypes.byref(own.fields)) != _DONE:
+                arguments.fields.record, arguments.fields.steps = address(record), steps
+                if self._back(ctypes.byref(arguments.fields)) != _DONE:
                     raise step_too_small(interval.start)
-            return own.x.T.copy(), own.total.T.copy()
+            return arguments.x.T.copy(), arguments.total.T.copy()
 
-        return own.x.copy(), back
+        return arguments.x.copy(), back
 
-    def _step_to(self, own: _Arguments, end: float, stiffness: Stiffness) -> bool:
+    def _step_to(self, arguments: _Arguments, end: float, stiffness: Stiffness) -> bool:
         """Step to an instant, or until the record is full; False if compiled code cannot continue."""
-        own.fields.end = end
-        status = self._forward(ctypes.byref(own.fields))
-        stiffness.stiff = bool(own.fields.stiff)
-        own.report()
+        arguments.fields.end = end
+        status = self._forward(ctypes.byref(arguments.fields))
+        stiffness.stiff = bool(arguments.fields.stiff)
+        arguments.report()
         if status not in (_DONE, _FULL, _STIFF):
-            raise step_too_small(own.fields.t)
+            raise step_too_small(arguments.fields.t)
         return bool(status != _STIFF)
 
     def _structure(self, interval: Interval, stiffness: Stiffness, columns: int, parameters: bool) -> _Arguments:
@@ -131,7 +132,7 @@ class _Arguments:
         self.resize(columns)
 
     def begin(self, x: Vector) -> None:
-        """Take variations at the start, shape (nx, k)."""
+        """Set the variations at the start, shape (nx, k)."""
         self.x[:] = x
         self.peak = np.abs(self.x)
         self.fields.peak = address(self.peak)
@@ -142,13 +143,13 @@ class _Arguments:
             self.fields.loose = self.accuracy.loose
 
     def report(self) -> None:
-        """Hand on the largest values, and whether errors have been noted."""
+        """Report the largest values, and whether errors have been noted, to `accuracy`."""
         if self.accuracy is not None:
             self.accuracy.noted |= bool(self.fields.noted)
             self.accuracy.largest = np.maximum(self.accuracy.largest, self.peak[:, : self.slopes.count])
 
     def resize(self, columns: int) -> None:
-        """Allocate this number of columns of variations, with zeros."""
+        """Allocate this number of columns of variations, filled with zeros."""
         self.x, self.total = np.zeros((self.slopes.nx, columns)), np.zeros((self.slopes.count, columns))
         self.fields.columns, self.fields.x, self.fields.total = columns, address(self.x), address(self.total)
 

@@ -1,9 +1,9 @@
-"""Which error of its variations a step may have.
+"""Error control of variations: the error that a step may have in them.
 
-A step that is short enough for the states need not be so for their derivatives. A force k d**1.5 enters the velocity as
-t**2.5 and its derivative as t**1.5 from the touch on: with steps of the states alone, at a tolerance of 1e-10, the
-derivative was off by 1e-5, and by 6e-4 for a power of 1.2. What a small factor hides from the states is in the
-derivatives by that factor.
+A step that is short enough for the states need not be short enough for their derivatives. From touch on, a force
+k d**1.5 enters the velocity as t**2.5 and its derivative as t**1.5: with steps controlled by the states alone, at a
+tolerance of 1e-10, the derivative was off by 1e-5, and by 6e-4 for a power of 1.2. Also, a term that a small factor
+hides from the states appears in the derivatives by that factor.
 """
 
 from __future__ import annotations
@@ -15,32 +15,34 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.export.variation.element import SMALL, Accuracy
 
-# Share of the largest variation over the run below which its error is controlled absolutely.
+# Below this fraction of its largest value over the run, the error of a variation is controlled absolutely.
 LEAST_SHARE = 1e-5
-# What rounding may do in a step, relative to the largest variation by the same parameter. What cancels, or is zero by
-# symmetry, is known to this and no better.
+# Rounding error of a step, relative to the largest variation by the same parameter. A variation that cancels, or is
+# zero by symmetry, cannot be more accurate.
 ROUNDING = 1e-15
-# So many steps of an interval may be refused for their variations: those that leave zero as a power of time take a few
-# dozen, and where slopes are known to rounding only, shorter steps are no better.
+# Maximum number of steps of an interval rejected because of their variations. Variations that leave zero as a power of
+# time need a few dozen; where slopes have rounding errors, shorter steps are no better.
 MOST_REFUSED = 150
-# Now and then a step is refused to one so many times shorter. The error of a smooth solution then falls by at least the
-# fourth power of that, the error of slopes that are known to rounding by its first: by no more than `NOISE`. What falls
-# by less than half is a pulse that neither step resolves, and so may be what is as large as `LARGE`.
+# Now and then a rejected step is followed by one shortened by the factor `PROBE`. The error of a smooth solution then
+# falls by at least the fourth power of this factor, the error due to rounding in slopes by its first power: by a factor
+# above `NOISE`. An error that falls by less than half is due to a pulse that neither step resolves; one above `LARGE`
+# may be, and is not probed.
 PROBE, NOISE, UNRESOLVED, LARGE = 1 / 16, 1e-3, 0.5, 20.0
-# Keeps what is zero from being divided by.
+# Avoids division by zero.
 _TINY = 1e-290
 
 
 @dataclass
 class Control:
-    """The errors that steps may have in variations, which are `x`, shape (nx, k), at the `start` [s] of an interval.
+    """Error control of variations, which are `x`, shape (nx, k), at the `start` [s] of an interval.
 
     `x` may have k more columns, see `Interval`.
 
-    An error counts relative to the variation, and absolutely below `SMALL` of its largest value since the start and
-    `LEAST_SHARE` of that over the run: where a variation leaves zero as a power of time, a first step has the same
-    relative error, however short it is, and before a burst it may be a rounding error. Where slopes are known to
-    rounding only, shorter steps are more steps of the same error in sum: it is noted, and the steps are longer.
+    An error is controlled relative to the variation, and absolutely below the fraction `SMALL` of its largest value
+    since the start and the fraction `LEAST_SHARE` of its largest value over the run: where a variation leaves zero as a
+    power of time, the first step has the same relative error, however short it is, and before a burst a variation may
+    be a rounding error. Where slopes have rounding errors, shorter steps do not reduce the total error: it is noted,
+    and the steps are longer.
     """
 
     accuracy: Accuracy | None
@@ -48,23 +50,23 @@ class Control:
     x: Vector
     start: float
     refused: int = 0
-    """Number of steps whose variations were not accurate enough."""
+    """Number of steps that were rejected because of their variations."""
     due: int = 2
-    """That number from which on the next one is shortened by `PROBE`."""
+    """Value of `refused` at which the next rejected step is followed by a probe."""
     noise: float = 0.0
-    """The error by rounding in what is allowed, for each second of a step [1/s]."""
+    """Error due to rounding, in units of the allowed error, per second of a step [1/s]."""
     probed: tuple[float, float] | None = None
-    """Length [s] and error of a step that was refused to a much shorter one."""
+    """Length [s] and error of the rejected step before a probe."""
     missed: Vector | None = None
-    """Errors, shape (nx, k), of the last step that shorter ones would not make smaller."""
+    """Errors, shape (nx, k), of the last step that shorter ones would not reduce."""
 
     def __post_init__(self) -> None:
         self.count = self.x.shape[1] if self.accuracy is None else self.accuracy.scale.shape[1]
         self._largest = np.abs(self.x[:, : self.count])
 
     def allowed(self, before: Vector, after: Vector) -> Vector:
-        """Errors of variations that go from `before` to `after` in a step, shapes (nx, k)."""
-        assert self.accuracy is not None, "errors are asked for where they are controlled"
+        """Allowed errors of variations that go from `before` to `after` in a step, shapes (nx, k)."""
+        assert self.accuracy is not None, "errors are requested only if they are controlled"
         scale = self.accuracy.scale
         size = np.maximum(np.abs(before), np.abs(after))
         rounding = ROUNDING * scale.max(axis=0, initial=0.0) + _TINY
@@ -72,7 +74,7 @@ class Control:
         return np.asarray(self.accuracy.loose * self.tolerance * (least + size) + rounding)
 
     def accepted(self, after: Vector) -> Vector:
-        """Go on from `after`, with the columns of `x`, to which the errors of the step are added."""
+        """Continue from `after`; return it with the errors of the step added to its columns of errors."""
         if self.accuracy is not None:
             self._largest = np.maximum(self._largest, np.abs(after[:, : self.count]))
             self.accuracy.largest = np.maximum(self._largest, self.accuracy.largest)
@@ -83,18 +85,19 @@ class Control:
         return after
 
     def shorter(self, factor: float) -> float:
-        """The factor by which a refused step is shortened, instead of `factor`."""
+        """Factor by which a rejected step is shortened: that of a probe if one is due, else `factor`."""
         return factor if self.probed is None else PROBE
 
     def judged(
         self, t: float, h: float, ratio: float, moved: Vector, errors: Vector, whole: float | None = None
     ) -> float:
-        """The error of a step from `t` [s] in what is allowed: `ratio`, or less where shorter steps would be no better.
+        """Error of a step from `t` [s], in units of the allowed error: `ratio`, or less if shorter steps are no better.
 
-        `moved`, shape (nx, k), is what the step adds to the variations, `errors` those of it. All of a step that is as
-        short as the ends of the interval are known is uncertain. `whole` is the ratio before rounding is allowed for.
+        `moved`, shape (nx, k), is the change of the variations in the step, `errors` its errors. If a step is as short
+        as the uncertainty of the interval's ends, all of its change is uncertain. `whole` is the ratio without the
+        allowance for rounding.
         """
-        assert self.accuracy is not None, "errors are asked for where they are controlled"
+        assert self.accuracy is not None, "errors are requested only if they are controlled"
         self.missed = None
         if self.probed is not None:
             (before, larger), self.probed = self.probed, None
@@ -104,14 +107,14 @@ class Control:
         if is_noise or ratio <= 1:
             if (ratio if whole is None else whole) > 1:
                 self.missed = errors
-            # below one, too: steps would hover where rounding is what is allowed
+            # also for ratios below one: otherwise the step size would stay where rounding is the allowed error
             return float(min(ratio, (ratio / (self.noise * h)) ** 4)) if is_noise else ratio
         self.refused += 1
         short = h <= self.accuracy.shortest
         if not short and self.refused < MOST_REFUSED:
-            # at the start of an interval a power of time has the same relative error in steps of every length
+            # at the start of an interval, a power of time has the same relative error for steps of any length
             if self.refused >= self.due and ratio < LARGE and h < 0.1 * (t - self.start):
                 self.probed, self.due = (h, ratio), 2 * self.due
             return ratio
         self.missed = moved if short else errors
-        return 0.1 if short else 0.0  # the next one is longer, or as long as the states allow
+        return 0.1 if short else 0.0  # the next step is longer, or as long as the states allow

@@ -1,4 +1,4 @@
-"""Interface of one differentiated step, and its arguments."""
+"""Interface of one differentiated step, and the data that steps share."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ LEAST = 1e-40
 
 
 Back = Callable[[Vector], tuple[Vector, Vector]]
-"""Pulls back rows, shape (k, nx), over an interval to states at its start, same shape, and parameters, (k, count)."""
+"""Function that pulls rows, shape (k, nx), back over an interval.
+
+It returns the rows for the states at the start, same shape, and for the parameters, (k, count).
+"""
 
 
 class Element(Protocol):
-    """One step to the time `t` [s], with scaled values there.
+    """One step to the time `t` [s], with the scaled values there.
 
-    `w`, shape (n,), are states and algebraic variables, `x`, shape (nx, k), the variations that are carried.
+    `w`, shape (n,), are states and algebraic variables, `x`, shape (nx, k), the variations.
     """
 
     @property
@@ -32,29 +35,29 @@ class Element(Protocol):
     def x(self) -> Vector: ...
 
     def adjoint(self, rows: Vector) -> tuple[Vector, Vector]:
-        """Pull back `rows`, shape (k, nx), to states at the start, same shape, and to parameters, shape (k, count).
+        """Pull `rows`, shape (k, nx), back to states at the start, same shape, and to parameters, shape (k, count).
 
-        Steps that carry no variations cannot.
+        This is possible only for steps that carry variations.
         """
         ...
 
 
 @dataclass(eq=False)
 class Accuracy:
-    """What is asked of the variations over an interval.
+    """Accuracy required of the variations over an interval, and the outcome.
 
-    `scale`, shape (nx, k), are their largest values over the run, roughly. Steps shorter than `shortest` [s] would not
-    make them more accurate, since the ends of the interval are known no better.
+    `scale`, shape (nx, k), are their approximate largest values over the run. Steps shorter than `shortest` [s] would
+    not make them more accurate, because this is the uncertainty of the ends of the interval.
     """
 
     scale: Vector
     shortest: float
     loose: float = 1.0
-    """How many times the tolerance of the states variations may be wrong."""
+    """Tolerance of the variations, in tolerances of the states."""
     largest: float | Vector = 0.0
-    """The largest values over the interval that have been found, shape (nx, k)."""
+    """Outcome: the largest values over the interval, shape (nx, k)."""
     noted: bool = False
-    """Whether steps had errors that shorter ones would not make smaller."""
+    """Outcome: whether steps had errors that shorter ones would not reduce."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +65,8 @@ class Interval:
     """An interval from `start` [s], with scaled variables `w`, shape (n,), to the last of `ends` [s].
 
     Steps end at each of the `ends`. `numbers` are (u, p) as one vector, shape (nu + np,), and modes, shape (nm,).
-    Without `accuracy` steps are as long as their states allow. With it, variations are those by k parameters; another k
-    columns, if there are any, are what is known to be wrong in them: steps carry it on, and add to it.
+    Without `accuracy` the states alone limit the steps. With it, the variations are those by k parameters; another k
+    columns, if there are any, contain their known errors, which steps propagate and add to.
     """
 
     start: float
@@ -76,6 +79,6 @@ class Interval:
 
 @dataclass
 class Stiffness:
-    """Whether steps of a run have turned out to be stiff, remembered from stretch to stretch."""
+    """Whether a run has turned out to be stiff, remembered from stretch to stretch."""
 
     stiff: bool = False

@@ -1,6 +1,6 @@
 /* Explicit steps of order 8 (explicit.py). */
 
-/* Stages of a step into `o->next`, their rates into `o->values`; the last of both are those of its end. */
+/* Compute the stages of a step into `o->next`, their rates into `o->values`; the last of both belong to its end. */
 static int explicit_stages(const struct variation* v, struct space* o, double t, double h, const double* w, int to_end) {
   count_t n = v->n, i, j;
   for (i = 0; i < EXPLICIT + to_end; ++i) {
@@ -30,8 +30,8 @@ static double explicit_error(const struct variation* v, struct space* o, double 
   return h * estimate(five, three, n);
 }
 
-/* Whether steps are held back by what is stiff, by the slope that the last two points of a step tell, again and again:
-   beyond stability, or where what decays is as fast as the steps and yet not seen by their error. */
+/* Whether stability has limited the last steps, from the slope between the last two points of a step: it is beyond the
+   stability limit, or a component decays within the step although the error estimate allows it (explicit.py). */
 static int is_held_back(struct variation* v, const struct space* o, double h, double most) {
   count_t n = v->n, k;
   double rates = 0, points = 0, damped = 0;
@@ -60,7 +60,7 @@ static int explicit_slopes(const struct variation* v, struct space* o, double t,
   return are_finite(o->stage_slopes, (EXPLICIT + to_end) * v->entries);
 }
 
-/* Variations at the end of a step, into `o->after`; their rates at the stages and at the end are in `o->right`. */
+/* Variations at the end of a step, into `o->after`; their rates at the stages and at the end, into `o->right`. */
 static int explicit_forward(const struct variation* v, struct space* o, double t, double h) {
   count_t m = v->columns, all = v->n * m, i, j;
   if (!explicit_slopes(v, o, t, h, 1)) return 0;
@@ -104,7 +104,7 @@ static double explicit_variation_error(struct variation* v, struct space* o, dou
 
 static int explicit_backward(const struct variation* v, struct space* o, double t, double h) {
   count_t n = v->n, m = v->columns, all = n * m, i, j, c, e;
-  double* own = o->sums; /* what a rate of a stage is worth */
+  double* own = o->sums; /* derivatives by the rate of a stage */
   if (!explicit_slopes(v, o, t, h, 0)) return 0;
   memset(o->right, 0, sizeof(double) * (size_t) (EXPLICIT * all));
   for (i = EXPLICIT - 1; i >= 0; --i) {

@@ -1,4 +1,4 @@
-"""Explicit steps of order 8 (DOP853) with exact derivatives, as long as they are not stiff."""
+"""Explicit steps of order 8 (DOP853) with exact derivatives, until the equations turn out to be stiff."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from acausal.export.variation.element import LEAST, SMALL, Interval, Stiffness
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import EXPLICIT_3, EXPLICIT_5, EXPLICIT_A, EXPLICIT_C, EXPLICIT_STAGES
 
-# The end of the method's region of stability on the negative axis; so many steps beyond it are stiff ones, so many on
-# this side of it are not (Hairer, Nørsett, Wanner, DOP853). At tight tolerances steps hover on this side of it: what
-# decays so fast and yet is not seen by their error counts as well, oscillations do not.
+# Stiffness detection as in DOP853 of Hairer, Nørsett and Wanner: end of the stability region on the negative real axis,
+# number of steps beyond it after which the equations count as stiff, and number of steps inside it that resets this
+# count. At tight tolerances the step size stays just inside the region; therefore a step also counts if a component
+# decays faster than the given rate (second number), although the error estimate allows it. Oscillations do not count.
 _STABLE, _DAMPED, _SUSPECTS, _CLEARED = 6.1, 2.5, 15, 6
-# The same for steps whose length is that of the variations: small ones, which what decays leaves behind, feel the error
-# of the states.
+# The rate of decay if the variations limit the step: small ones that have decayed are sensitive to the error of the
+# states.
 _DAMPED_VARIATIONS = 0.5
 
 
@@ -38,13 +39,13 @@ class ExplicitElement:
         """See `Element`."""
         k, n = rows.shape
         total = np.zeros((k, self.slopes[0].shape[1] - n))
-        on = np.zeros((EXPLICIT_STAGES, k, n))  # what each stage is worth
+        by_stage = np.zeros((EXPLICIT_STAGES, k, n))
         for i in range(EXPLICIT_STAGES - 1, -1, -1):
-            rate = self.h * (EXPLICIT_A[-1, i] * rows + _weighted(EXPLICIT_A[i + 1 : -1, i], on[i + 1 :]))
-            found = (self.slopes[i].T @ rate.T).T
-            on[i] = found[:, :n]
+            by_rate = self.h * (EXPLICIT_A[-1, i] * rows + _weighted(EXPLICIT_A[i + 1 : -1, i], by_stage[i + 1 :]))
+            found = (self.slopes[i].T @ by_rate.T).T
+            by_stage[i] = found[:, :n]
             total += found[:, n:]
-        return rows + on.sum(axis=0), total
+        return rows + by_stage.sum(axis=0), total
 
 
 def _weighted(weights: Vector, stages: Vector) -> Vector:
@@ -56,9 +57,9 @@ def _weighted(weights: Vector, stages: Vector) -> Vector:
 def explicit(
     slopes: Slopes, interval: Interval, stiffness: Stiffness, x: Vector, parameters: bool
 ) -> Iterator[ExplicitElement]:
-    """The steps, as far as they are not stiff; no more come where one fails at every length.
+    """Yield steps over an interval until they turn out to be stiff, or a step fails at every length.
 
-    `x`, shape (nx, k), are variations at the start, of directions of the chosen parameters if `parameters`.
+    `x`, shape (nx, k), are variations at the start; with `parameters` they are those by the chosen parameters.
     """
     c, m = interval.numbers
     t, w, end = interval.start, interval.w, interval.ends[-1]
@@ -80,9 +81,9 @@ def explicit(
         if error <= 1 and x.shape[1]:
             _, entries = slopes.many(t + h * EXPLICIT_C, stages, c, m)
             matrices = _matrices(slopes, entries)
-            after, own = _variations(t, h, x, matrices, parameters, control)
-            damped = _DAMPED_VARIATIONS if own > error else _DAMPED
-            error = max(error, own)
+            after, variation_error = _variations(t, h, x, matrices, parameters, control)
+            damped = _DAMPED_VARIATIONS if variation_error > error else _DAMPED
+            error = max(error, variation_error)
         if np.isfinite(error) and _is_held_back(h, stages[-1] - stages[-2], rates[-1] - rates[-2], damped):
             suspects, cleared = suspects + 1, 0
             if suspects >= _SUSPECTS:
@@ -113,7 +114,7 @@ def _stages(slopes: Slopes, interval: Interval, t: float, h: float, w: Vector) -
 def _variations(
     t: float, h: float, x: Vector, slopes: list[Any], parameters: bool, control: Control
 ) -> tuple[Vector, float]:
-    """(Variations at the end of a step, shape (nx, k); their error, of the worst column, by what is allowed)."""
+    """(Variations at the end of a step, shape (nx, k); error of the worst column, in units of the allowed error)."""
     n = len(x)
     rates = np.zeros((EXPLICIT_STAGES + 1, *x.shape))
     at = x
@@ -135,7 +136,7 @@ def _variations(
 
 
 def _is_held_back(h: float, points: Vector, rates: Vector, damped: float) -> bool:
-    """Whether the slope that the last two points of a step tell is as large as the step allows."""
+    """Whether stability limits the step: its length times the slope between its last two points reaches a limit."""
     size = float(points @ points)
     slope, damping = np.sqrt(float(rates @ rates) * size), -float(points @ rates)
     return bool(size > 0 and (h * slope > _STABLE * size or h * damping > damped * size))

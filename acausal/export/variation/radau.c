@@ -1,6 +1,6 @@
 /* Steps of Radau IIA with STAGES stages (radau.py). */
 
-/* The derivative of the equation of the stages, from slopes at each of them, factorised. */
+/* The Jacobian of the stage equation, from the slopes at each stage, factorised. */
 static int radau_matrix(const struct variation* v, struct space* o, double h) {
   count_t n = v->n, wide = STAGES * n, i, j, c, e;
   memset(o->matrix, 0, sizeof(double) * (size_t) (wide * wide));
@@ -36,7 +36,7 @@ static void radau_residual(const struct variation* v, struct space* o, double h,
   }
 }
 
-/* Newton's method for the stages in `o->next`, with the matrix of where it begins. */
+/* Simplified Newton method for the stages in `o->next`, with the Jacobian at its starting point. */
 static int radau_stages(const struct variation* v, struct space* o, double h) {
   count_t n = v->n, wide = STAGES * n, k, i;
   double last = INFINITY, share = 1.0;
@@ -61,14 +61,14 @@ static int radau_stages(const struct variation* v, struct space* o, double h) {
       share = size / last;
       if (share >= 0.9 && size > 1e-12) return 0;
     }
-    /* what the moves to come add up to */
+    /* the sum of the further moves, a geometric series */
     if (size <= 1e-13 || (k && size * share / (1 - share) <= 1e-4 * v->radau_tolerance)) return 1;
     last = size;
   }
   return 0;
 }
 
-/* An embedded error of m columns into `to`, from the stages in `stages`, their start and the rate there. */
+/* An embedded error of m columns into `to`, from `stages`, their start and the rate there. */
 static void embedded(const struct variation* v, const struct space* o, double h, const double* weights, const double* stages,
                      const double* start, const double* rate, double* to, count_t m) {
   count_t nx = v->nx * m, n = v->n * m, i, r;
@@ -80,7 +80,7 @@ static void embedded(const struct variation* v, const struct space* o, double h,
   solved(o->small, v->n, o->small_pivot, to, m);
 }
 
-/* The error of the step by embedded methods, in tolerances; slopes at its start are in `o->slopes`. */
+/* The error of the step by the embedded methods, in tolerances; the slopes at its start are in `o->slopes`. */
 static double radau_error(const struct variation* v, struct space* o, double h) {
   count_t n = v->n, nx = v->nx, c, e, r;
   double sums[2] = {0, 0};
@@ -115,7 +115,7 @@ static void extended(const struct variation* v, double ratio, double* to) {
   }
 }
 
-/* What parameters put on the right of the equations of the variations of the stages, added. */
+/* Add the contribution of parameters to the right-hand sides of the equations for the variations of the stages. */
 static void radau_right(const struct variation* v, const struct space* o, double h, double* right, count_t m) {
   count_t n = v->n, i, j, c, e;
   for (j = 0; j < STAGES; ++j)
@@ -141,8 +141,8 @@ static int radau_forward(const struct variation* v, struct space* o, double t, d
   return are_finite(o->after, v->nx * m);
 }
 
-/* Rates of the variations at the start of a step into `o->rates`, with the algebraic ones that belong to them; uses
-   `o->matrix` and `o->sums`. */
+/* Rates of the variations at the start of a step into `o->rates`, with the variations of algebraic variables eliminated;
+   these are left in `o->sums`. Overwrites `o->matrix`. */
 static int radau_start(const struct variation* v, struct space* o) {
   count_t n = v->n, nx = v->nx, nz = n - nx, m = v->columns, c, e, i;
   double* algebraic = o->sums;
@@ -164,8 +164,8 @@ static int radau_start(const struct variation* v, struct space* o) {
   return 1;
 }
 
-/* What rounding of variations and slopes does in a step to each variation, (nx, m), into `to`, as in radau.py; their algebraic
-   ones at its start are in `algebraic`. */
+/* Rounding error of a step in each variation, (nx, m), into `to`, as in radau.py; `algebraic` are the variations of the
+   algebraic variables at its start. */
 static void radau_rounding(const struct variation* v, const struct space* o, double h, const double* algebraic, double* to) {
   count_t nx = v->nx, m = v->columns, c, e, r, j;
   memset(to, 0, sizeof(double) * (size_t) (nx * m));
@@ -184,8 +184,8 @@ static void radau_rounding(const struct variation* v, const struct space* o, dou
     for (j = 0; j < m; ++j) to[r * m + j] *= ROUNDED / o->residual[r];
 }
 
-/* The error of the variations over a step, of the worst column, in what is allowed; `radau_error` and `radau_forward`
-   have been called. */
+/* The error of the variations over a step, for the worst column, in units of the allowed error; call `radau_error` and
+   `radau_forward` first. */
 static double radau_variation_error(struct variation* v, struct space* o, double h) {
   count_t nx = v->nx, m = v->columns, all = v->n * m, j, r;
   double *five = o->sums, *three = o->sums + all, *rounding = o->sums + 2 * all, most = 0, whole = 0;

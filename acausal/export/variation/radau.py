@@ -1,7 +1,7 @@
 """Steps of Radau IIA (order 9, five stages) with exact derivatives.
 
-A step is an equation W == x0 + h A F(W) for its stages. One factorised matrix, its derivative, serves all directions
-and, transposed, all adjoints.
+A step is an equation W == x0 + h A F(W) for its stages W. Its Jacobian, factorised once, serves all directions and,
+transposed, all adjoints.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import RADAU, STAGES
 
 _ITERATIONS = 8
-# Rounding error of a term, with a margin, since nothing is said about its sign and what else it meets.
+# Relative rounding error of a term, with a safety margin.
 _ROUNDED = 2e-15
 _NODES, _A = RADAU.nodes, RADAU.matrix
-# For each node, the product of its differences to the others.
+# For each node, the product of its differences from the others.
 _NODE_PRODUCTS = np.where(np.eye(STAGES, dtype=bool), 1.0, _NODES[:, None] - _NODES[None, :]).prod(axis=1)
 
 
 class Matrix:
-    """Derivative of the stage equation, dense or sparse, to solve linear systems with."""
+    """A factorised matrix, dense or sparse, for linear systems."""
 
     def __init__(self, matrix: Any) -> None:
         self._matrix = matrix if isinstance(matrix, np.ndarray) else scipy.sparse.linalg.splu(matrix)
@@ -52,8 +52,8 @@ class Matrix:
 class RadauElement:
     """A Radau step, see `Element`.
 
-    `matrix` is the derivative of the stage equation by the stages, `right`, shape (stages * n, parameters), minus that
-    by parameters.
+    `matrix` is the derivative of the stage equation by the stages; `right`, shape (stages * n, parameters), is minus
+    its derivative by parameters.
     """
 
     t: float
@@ -77,9 +77,9 @@ class RadauElement:
 
 
 def radau(slopes: Slopes, interval: Interval, x: Vector, parameters: bool) -> Iterator[RadauElement]:
-    """Steps over an interval; `x` and `parameters` as in `explicit`.
+    """Yield steps over an interval; `x` and `parameters` as in `explicit`.
 
-    Raises IntegrationError: AC408 where no step is small enough.
+    Raises IntegrationError: AC408 if no step is small enough.
     """
     return _Stepping(slopes, interval, x, parameters).elements()
 
@@ -87,8 +87,9 @@ def radau(slopes: Slopes, interval: Interval, x: Vector, parameters: bool) -> It
 def tolerance_of(tolerance: float) -> float:
     """Tolerance of the embedded error estimate, which has order five, for steps of order nine.
 
-    A kink inside a step causes an error of the order of the step squared in the solution, and of the step in its
-    derivatives: with ten times this tolerance, derivatives of ThickBlock at 1e-8 were off by 2e-5 instead of 6e-8.
+    It is tight because a kink inside a step causes an error of the order of the step squared in the solution, and of
+    the step in its derivatives: with ten times this tolerance, derivatives of ThickBlock at 1e-8 were off by 2e-5
+    instead of 6e-8.
     """
     return float(1e-3 * tolerance**0.75)
 
@@ -136,7 +137,7 @@ class _Stepping:
             guess = _extrapolate(stages, min(h, end - t) / before)
 
     def _stages(self, t: float, h: float, w: Vector, guess: Vector) -> tuple[Vector, Matrix, Vector] | None:
-        """(Stages (STAGES, n), derivative by them, minus that by parameters); None without convergence."""
+        """(Stages (STAGES, n), derivative of their equation, minus that by parameters); None without convergence."""
         found, last = guess.ravel().copy(), np.inf
         for _ in range(_ITERATIONS):
             values, entries = self.slopes.many(t + h * _NODES, found.reshape(STAGES, self.n), *self.interval.numbers)
@@ -175,7 +176,7 @@ class _Stepping:
         return matrix.reshape(STAGES * n, STAGES * n)
 
     def _sparse_places(self) -> tuple[Any, Any, Any, Any]:
-        """Entries of the sparse stage matrix: kind (0 identity, 1 rate, 2 residual), weight, source entry, place."""
+        """Entries of the sparse stage matrix: kind (0 identity, 1 rate, 2 residual), weight, source entry, position."""
         n, nx, count = self.n, self.nx, len(self.slopes.rows)
         rows, columns = self.slopes.rows[self._inside], self.slopes.columns[self._inside]
         rates, rests = self._inside[rows < nx], self._inside[rows >= nx]
@@ -205,8 +206,8 @@ class _Stepping:
     ) -> tuple[Vector, float]:
         """(Variations at the end of a step, shape (nx, k); error of the step, by the embedded method, in tolerances).
 
-        `start` are value and entries at the start, `linear` the matrix of the stages and minus their derivatives by
-        parameters.
+        `start`: value and entries at the start; `linear`: matrix of the stages, and minus the derivative of their
+        equation by parameters.
         """
         nx, (value, entries) = self.nx, start
         try:
@@ -229,24 +230,27 @@ class _Stepping:
             return after, np.inf
         own_after = x[-1, :nx]
         allowed = self.control.allowed(own_x, own_after)
-        own, whole = float(_estimate(found, allowed + rounding).max()), float(np.abs(found[0] / allowed).max())
-        return after, max(error, self.control.judged(t, h, own, own_after - own_x, found[0], whole))
+        ratio, whole = float(_estimate(found, allowed + rounding).max()), float(np.abs(found[0] / allowed).max())
+        return after, max(error, self.control.judged(t, h, ratio, own_after - own_x, found[0], whole))
 
     def _small_matrix(self, h: float, entries: Vector) -> Any:
         """The matrix of the embedded error, (n, n)."""
         n, inside = self.n, self._inside
-        own = np.zeros(n)
-        own[: self.nx] = RADAU.real / h
+        diagonal = np.zeros(n)
+        diagonal[: self.nx] = RADAU.real / h
         rows, columns = self.slopes.rows[inside], self.slopes.columns[inside]
         if self.slopes.is_small:
-            matrix: Any = np.diag(own)
+            matrix: Any = np.diag(diagonal)
             matrix[rows, columns] -= entries[inside]
             return matrix
         slopes = scipy.sparse.csc_matrix((entries[inside], (rows, columns)), shape=(n, n))
-        return (scipy.sparse.diags(own) - slopes).tocsc()
+        return (scipy.sparse.diags(diagonal) - slopes).tocsc()
 
     def _embedded(self, matrix: Matrix, h: float, moved: Vector, rate: Vector) -> Vector:
-        """Both embedded errors of the states, (2, nx, ...), from (STAGES, nx, ...) and the rate at the start."""
+        """Both embedded errors of the states, (2, nx, ...), from their changes and their rate at the start.
+
+        `moved`: stages minus the start, shape (STAGES, nx, ...); `rate`: shape (nx, ...).
+        """
         found = []
         for weights in RADAU.weights:
             right = np.zeros((self.n, *moved.shape[2:]))
@@ -256,18 +260,18 @@ class _Stepping:
 
     def _variations(self, matrix: Matrix, right: Vector) -> Vector:
         """Variations at the stages, shape (STAGES, n, k)."""
-        own = np.zeros((len(right), self.x.shape[1]))
+        right_all = np.zeros((len(right), self.x.shape[1]))
         if self.parameters:
-            own[:, : right.shape[1]] = right
+            right_all[:, : right.shape[1]] = right
         for k in range(STAGES):
-            own[k * self.n : k * self.n + self.nx] += self.x
-        return matrix.solve(own).reshape(STAGES, self.n, -1)
+            right_all[k * self.n : k * self.n + self.nx] += self.x
+        return matrix.solve(right_all).reshape(STAGES, self.n, -1)
 
     def _rate_of_variations(self, h: float, entries: Vector, x: Vector) -> tuple[Vector, Vector]:
-        """(Rates of the variations `x` at the start of a step, what rounding does to each in it), shapes (nx, k).
+        """(Rates of the variations `x` at the start of a step, rounding error of each), shapes (nx, k).
 
-        What a fast equation holds where its terms cancel is known to a rounding error of the largest of them, by its
-        own slope.
+        A fast equation keeps its variable where its terms cancel: the rounding error of the variable is that of the
+        largest term, divided by the slope of the equation in its variable.
         """
         n, nx = self.n, self.nx
         shape = n, n + self.slopes.count
@@ -276,18 +280,18 @@ class _Stepping:
         if self.parameters:
             rate = rate + slopes[:, n:].toarray()
         if n > nx:
-            own = slopes[:, nx:n].tocsc()
-            algebraic = Matrix(own[nx:].toarray() if self.slopes.is_small else own[nx:]).solve(-rate[nx:])
-            rate, all_x = rate[:nx] + own[:nx] @ algebraic, np.vstack([x, algebraic])
+            by_z = slopes[:, nx:n].tocsc()
+            algebraic = Matrix(by_z[nx:].toarray() if self.slopes.is_small else by_z[nx:]).solve(-rate[nx:])
+            rate, all_x = rate[:nx] + by_z[:nx] @ algebraic, np.vstack([x, algebraic])
         inside = slopes[:nx, :n]
         fast = RADAU.real / h + np.abs(inside.diagonal())
         return np.asarray(rate), _ROUNDED * (abs(inside) @ np.abs(all_x)) / fast[:, None]
 
 
 def _estimate(errors: Vector, size: Vector) -> Any:
-    """The error of a step, of each column, by both embedded ones, (2, nx, ...), in `size`, shape (nx, ...).
+    """Error of a step for each column, from both embedded errors, (2, nx, ...), in units of `size`, shape (nx, ...).
 
-    That of order 5 where the solution is not smooth, so that both are alike; of order 7 where it is (as in DOP853).
+    It has order 7 where the solution is smooth, and order 5 where it is not and both errors are similar (as in DOP853).
     """
     five, three = np.mean((errors / size) ** 2, axis=1)
     both = five + 0.01 * three
@@ -298,9 +302,9 @@ def step_too_small(t: float) -> IntegrationError:
     """IntegrationError AC408 for a step that would be too small."""
     return IntegrationError(
         "AC408",
-        f"the derivatives of the run cannot be carried on from t = {t:.9g} s: no step is small enough",
+        f"the derivatives of the run cannot be continued from t = {t:.9g} s: no step is small enough",
         cause="an equation has no derivative there, or a solution ends",
-        help="end the run before it, or take differences of runs",
+        help="end the run before it, or use differences of runs",
     )
 
 

@@ -1,5 +1,5 @@
-/* What explicit and implicit steps of the linear map of a stretch share: its memory, linear algebra, and the control of
-   errors (control.py). `steps.c` has the entry; tables.py writes the coefficients in front. */
+/* Code shared by explicit and implicit steps of the linear map over a stretch: memory, linear algebra, and error control
+   (control.py). `steps.c` has the entry points; tables.py writes the coefficients before this file. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -22,11 +22,11 @@ struct variation {
   count_t n, nx, parameters, columns, entries, largest;
   count_t stiff, suspects, cleared, guessed, capacity, steps, refused, due, noted;
   double t, end, h, before, tolerance, radau_tolerance, least, shortest, loose;
-  double start, noise, probed, probed_ratio; /* as in control.py; `probed` is zero where no step is */
+  double start, noise, probed, probed_ratio; /* as in control.py; `probed` is zero if no step has been probed */
   const count_t *starts, *rows; /* of the slopes, column by column: by n variables, then by parameters */
   const double *constant, *modes;
   double *w, *x, *stages, *record, *total, *peak;
-  const double *scale; /* of the variations, row by row; none where their error is not controlled */
+  const double *scale; /* of the variations, row by row; null if their error is not controlled */
 };
 
 struct space {
@@ -34,8 +34,8 @@ struct space {
   double** res;
   casadi_int* iw;
   double *w, *value, *slopes, *next, *matrix, *small, *right, *residual, *stage_slopes, *values, *rate, *sums;
-  double *after, *rates, *sizes; /* variations at the end of a step that is tried, rates at its start, allowed errors */
-  double* missed; /* errors of that step that shorter ones would not make smaller; */
+  double *after, *rates, *sizes; /* variations at the end of the attempted step, rates at its start, allowed errors */
+  double* missed; /* errors of that step that shorter steps would not reduce */
   int has_missed; /* whether there are any */
   count_t *pivot, *small_pivot;
 };
@@ -156,14 +156,14 @@ static void allowed(const struct variation* v, struct space* o, double tolerance
   }
 }
 
-/* Note errors of variations, or all that they move where a step is as short as instants are known. */
+/* Note the errors of variations, or their whole change (`all`) if a step is as short as the uncertainty of its instants. */
 static void noted(const struct variation* v, struct space* o, const double* errors, int all) {
   count_t r;
   for (r = 0; r < v->nx * v->columns; ++r) o->missed[r] = all ? o->after[r] - v->x[r] : errors[r];
   o->has_missed = 1;
 }
 
-/* Add what has been noted to the errors that are carried behind the variations, if they are. */
+/* Add the noted errors to the columns of errors that follow the variations, if there are any. */
 static void accept_missed(struct variation* v, const struct space* o) {
   count_t m = v->columns, k = v->parameters, r, j;
   if (!o->has_missed) return;
@@ -173,8 +173,8 @@ static void accept_missed(struct variation* v, const struct space* o) {
     for (j = 0; j < k; ++j) v->x[r * m + k + j] += o->missed[r * m + j];
 }
 
-/* `ratio`, or less where shorter steps would be no better, as in control.py; `errors` are those of the variations, `whole`
-   is the ratio before rounding is allowed for. */
+/* `ratio`, or less if shorter steps would be no better, as in control.py; `errors` are those of the variations, `whole`
+   is the ratio without the allowance for rounding. */
 static double judged(struct variation* v, struct space* o, double h, double ratio, double whole, const double* errors) {
   int is_short = h <= v->shortest, is_noise;
   o->has_missed = 0;
@@ -200,15 +200,15 @@ static double judged(struct variation* v, struct space* o, double h, double rati
   return is_short ? 0.1 : 0.0;
 }
 
-/* to += what parameters add to the rates of variations. */
+/* Add the contribution of parameters to the rates of variations. */
 static void by_parameters(const struct variation* v, const double* slopes, double* to) {
   count_t c, e, m = v->columns;
   for (c = 0; c < v->parameters; ++c)
     for (e = v->starts[v->n + c]; e < v->starts[v->n + c + 1]; ++e) to[v->rows[e] * m + c] += slopes[e];
 }
 
-/* The error of a step from the sums of squares of both embedded errors over its n variables: that of order 5 where both are
-   alike, since the solution is not smooth, of order 7 where it is. */
+/* The error of a step from the sums of squares of both embedded errors over its n variables: of order 7 where the solution
+   is smooth, of order 5 where it is not and both errors are similar. */
 static double estimate(double five, double three, count_t n) {
   return five > 0 ? five / sqrt((five + 0.01 * three) * (double) n) : 0.0;
 }

@@ -24,15 +24,15 @@ def memories(compiled: CompiledModel) -> NDArray[np.int64]:
 
 
 class Slopes:
-    """`value(t, w, c, m)` and `slopes(t, w, c, m) -> (value, entries)`.
+    """Functions `value(t, w, c, m)` and `slopes(t, w, c, m) -> (value, entries)`.
 
-    w, shape (n,), are the scaled variables, and c, shape (nu + np,), is (u, p).
+    w, shape (n,), are the scaled variables; c, shape (nu + np,), is (u, p). The value is (rates, residuals).
 
-    The entries are the nonzeros of the derivatives by w and by the chosen parameters, an (n, n + count) matrix in
-    compressed columns: `rows`, `columns`, and `starts` of each column.
+    The entries are the nonzeros of its derivatives by w and by the chosen parameters, an (n, n + count) matrix in
+    compressed columns, with the `rows` and `columns` of the entries and the `starts` of the columns.
 
-    Values of `pre` in the equations depend on parameters as states do: they are treated as states with rate zero, after
-    the others. `held` are their indices among the modes.
+    Values of `pre` that the equations read depend on parameters as states do: they are treated as states with rate
+    zero, after the others. `held` are their indices among the modes.
     """
 
     def __init__(self, compiled: CompiledModel, chosen: list[int]) -> None:
@@ -73,9 +73,9 @@ class Slopes:
         return value, entries
 
     def many(self, t: Vector, w: Vector, c: Vector, m: Vector) -> tuple[Vector, Vector]:
-        """Values, shape (k, n), and entries, shape (k, n_entries), at k points; a function is kept for each k.
+        """Values, shape (k, n), and entries, shape (k, n_entries), at k points; a function is cached for each k.
 
-        `t`: shape (k,); `w`: shape (k, n); `c` and `m` are those of all points.
+        `t`: shape (k,); `w`: shape (k, n); `c` and `m` are common to all points.
         """
         k = len(t)
         if k not in self._mapped:

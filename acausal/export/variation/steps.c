@@ -1,8 +1,8 @@
-/* The linear map of a stretch of a run, stepped as the other files of this folder do it: explicit steps of order 8 until
-   they turn out to be stiff, then Radau IIA with STAGES stages.
+/* The linear map over a stretch of a run, as in the Python files of this folder: explicit steps of order 8 until they turn
+   out to be stiff, then Radau IIA with STAGES stages.
 
-   Linked with CasADi's code of `value` and `slopes`: what parameters alone determine is in `constant`. The coefficients
-   (tables.py), shared.c, radau.c and explicit.c are in front of this. */
+   Compiled together with CasADi's code of `value` and `slopes`, the coefficients (tables.py), shared.c, radau.c and
+   explicit.c, which precede this file. `constant` has the inputs and parameters. */
 
 static void recorded(struct variation* v, double t, double h, const double* from, count_t length) {
   double* to = v->record + v->steps++ * (HEAD + STAGES * v->n);
@@ -10,7 +10,7 @@ static void recorded(struct variation* v, double t, double h, const double* from
   memcpy(to + HEAD, from, sizeof(double) * (size_t) length);
 }
 
-/* One step that is accepted, and the variations over it. */
+/* Make one accepted step, with the variations over it. */
 static int step(struct variation* v, struct space* o) {
   count_t n = v->n, i;
   if (evaluated(slopes, v, o, v->t, v->w, o->value, o->slopes)) return LOST;
@@ -120,8 +120,8 @@ static int called(struct variation* v, int (*what)(struct variation*, struct spa
   return status;
 }
 
-/* On to `end`, with the variations in `x`, nx rows, and each step into the record where that has room for any. */
+/* Step to `end`, with the variations in `x`, nx rows; each step is recorded if `capacity` is not zero. */
 CASADI_SYMBOL_EXPORT int acausal_vary(struct variation* v) { return called(v, onwards); }
 
-/* Back over the record: `x` are derivatives by the states, one column each; those by parameters are added to `total`. */
+/* Go back over the record: `x` are derivatives by the states, one column each; those by parameters are added to `total`. */
 CASADI_SYMBOL_EXPORT int acausal_vary_back(struct variation* v) { return called(v, backwards); }

@@ -15,7 +15,7 @@ import scipy.integrate
 from acausal.arrays import Vector
 
 STAGES = 5
-# Stages of which the error estimate of order 3 consists.
+# Stages that the error estimate of order 3 uses.
 _OF_ORDER_3 = np.array([0, 2, 4])
 
 
@@ -23,8 +23,8 @@ _OF_ORDER_3 = np.array([0, 2, 4])
 class Radau:
     """Radau IIA with s = STAGES: `nodes` (s,), `matrix` (s, s), and error estimates of order s and 3.
 
-    `weights`, shape (2, s), are those of the stages minus the start in both estimates; `real` is the real eigenvalue of
-    the inverse of `matrix`.
+    `weights`, shape (2, s), are the weights in both estimates of the differences between stages and start; `real` is
+    the real eigenvalue of the inverse of `matrix`.
     """
 
     nodes: Vector

@@ -17,7 +17,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.native.policy import pays
 
 # Cost of a step in Python, in evaluations of the equations.
-_STEP = 300.0
+_STEP_COST = 300.0
 
 
 class Variation:
@@ -34,8 +34,8 @@ class Variation:
     ) -> Iterator[tuple[float, Vector, Vector]]:
         """Yield (time [s], variables (n,), variations (nx, k)) at each end of the interval.
 
-        `x`: variations at its start, shape (nx, k). All are scaled by nominal magnitudes. With `parameters` the columns
-        are directions of the chosen parameters.
+        `x`: variations at its start, shape (nx, k). Everything is scaled by nominal magnitudes. With `parameters` the
+        columns are variations by the chosen parameters.
         """
         compiled = self._compiled(native)
         if compiled is not None:
@@ -50,7 +50,7 @@ class Variation:
                 yield element.t, element.w, element.x
 
     def recorded(self, interval: Interval, x: Vector, stiffness: Stiffness, native: bool | None) -> tuple[Vector, Back]:
-        """(Variations at the end, as `carry` gives them; the way back from there)."""
+        """(Variations at the end, as from `carry`; function that pulls rows back from there to the start)."""
         compiled = self._compiled(native)
         found = None if compiled is None else compiled.recorded(interval, x, stiffness)
         if found is not None:
@@ -75,12 +75,12 @@ class Variation:
         slopes = self.slopes
         if interval.ends and not stiffness.stiff and slopes.n == slopes.nx:
             for element in explicit(slopes, interval, stiffness, x, parameters):
-                self._spent += _STEP
+                self._spent += _STEP_COST
                 interval, x = _rest(interval, element.t, element.w), element.x
                 yield element
         if interval.ends:
             for step in radau(slopes, interval, x, parameters):
-                self._spent += _STEP
+                self._spent += _STEP_COST
                 yield step
 
     def _compiled(self, native: bool | None) -> Program | None:
@@ -94,5 +94,5 @@ class Variation:
 
 
 def _rest(interval: Interval, t: float, w: Vector) -> Interval:
-    """The rest of an interval from one of its points on."""
+    """The rest of an interval from the point (t, w) on."""
     return replace(interval, start=t, ends=[end for end in interval.ends if end > t], w=w)
