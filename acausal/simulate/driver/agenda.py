@@ -1,8 +1,8 @@
-"""The agenda of a run: where it has to stop, and who asks for it.
+"""The agenda of a run: the instants at which it has to stop, and what requires them.
 
-Some stops are known before the run begins: time events, samples, breaks of inputs over time, outputs. They are the
-`Schedule`. Others follow from what the run has come to, such as the end of the past that a delay can read: they are
-handed in by a `Source`, stretch by stretch. The driver knows neither; it goes from stop to stop.
+Some stops are known before the run begins: time events, samples, breaks of inputs over time, and outputs. They form the
+`Schedule`. Others depend on the run itself, such as the end of the past that a delay can read; a `Source` supplies
+them, stretch by stretch. The driver does not distinguish them: it goes from stop to stop.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.native.program import Placed
 from acausal.simulate.record.record import Recorder
 
-# Stops nearer than this share of the run, or than times are rounded, are one.
-_APART = 1e-13
+# Stops coincide if they are closer than this fraction of the run, or than some rounding errors of the time.
+_SAME_INSTANT = 1e-13
+# Outputs and stops coincide if they are closer than this fraction of the segment, or of the run.
 _MARGIN = 1e-12
 _ROUNDING = 4.0 * float(np.finfo(float).eps)
-# A tick as near as this to an instant, by the interval of the clock, is at it.
-_NEAR = 1e-9
+# A tick is at an instant if it is within this fraction of the interval of its clock.
+_AT_TICK = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,11 @@ class Schedule:
     """The segments of a run, between `n` instants that are known before it starts."""
 
     instants: Vector  # start, time events and samples, stop [s]; ascending, shape (n,)
-    # Modes of the relations of time and numbers of inputs over time in each segment, shape (n - 1, n_timely).
-    modes: Vector
+    modes: Vector  # modes of relations of time, and coefficients of inputs, in each segment; shape (n - 1, n_timely)
     samples: Vector  # which samples are true at each instant, shape (n, samples)
-    times: Vector  # output times of all segments, each up to its end, and `ends`, where those of each segment end
-    ends: NDArray[np.int64]
-    # The longest step of a method of several steps in each segment [s], where there is one.
+    times: Vector  # output times of all segments; the last one of each is its end
+    ends: NDArray[np.int64]  # index after the last output time of each segment, shape (n - 1,)
+    # The longest step of a multistep method in each segment [s], or None.
     bounds: tuple[float | None, ...]
 
     @property
@@ -60,7 +60,7 @@ class Schedule:
 
     @cached_property
     def placed(self) -> Placed:
-        """Its arrays as compiled code reads them, by its names for them."""
+        """Its arrays for compiled code, under the names that are used there."""
         numbers = {
             "boundary": self.instants,
             "timely_modes": self.modes,
@@ -86,17 +86,17 @@ def schedule(
 ) -> Schedule:
     """The schedule over `instants`, with outputs on `grid` and at every instant.
 
-    `instants`, `grid`: Times [s], ascending, of any number each.
-    `tables`, `longest`: No step is longer than the bound of these tables and than this [s].
+    `instants`, `grid`: Ascending times [s], of any number each.
+    `tables`, `longest`: Steps are no longer than these tables permit, nor than `longest` [s].
     """
     a, b = instants[:-1], instants[1:]
     margin = _MARGIN * (b - a)
-    owner = np.clip(np.searchsorted(instants, grid, side="right") - 1, 0, len(a) - 1)
-    kept = grid[(grid > (a + margin)[owner]) & (grid < (b - margin)[owner])]
-    inside = np.searchsorted(kept, b)
+    segment = np.clip(np.searchsorted(instants, grid, side="right") - 1, 0, len(a) - 1)
+    outputs = grid[(grid > (a + margin)[segment]) & (grid < (b - margin)[segment])]
+    inside = np.searchsorted(outputs, b)
     middle, modes = 0.5 * (a + b), functions_of(compiled).modes
     timely = modes.many(middle[:, None], p)[:, : compiled.n_timely]
-    # without tables one bound holds for thousands of segments
+    # without tables, one bound holds for all segments, which may be thousands
     bounded = len(a) if tables.are_dense else 1
     bounds = tuple(
         tables.longest(*ends, longest) for ends in zip(a[:bounded].tolist(), b[:bounded].tolist(), strict=True)
@@ -105,14 +105,14 @@ def schedule(
         instants,
         inputs.into(compiled, timely, middle),
         due(compiled, p, instants),
-        np.insert(kept, inside, b),
+        np.insert(outputs, inside, b),
         inside + np.arange(1, len(b) + 1),
         bounds if tables.are_dense else bounds * len(a),
     )
 
 
 Known = Callable[[CompiledModel, Vector, Inputs, float, float], Vector]
-"""Instants known in advance: `(compiled, p, inputs, start, stop) -> times`, in any order, also outside of the run."""
+"""Instants known in advance: `(compiled, p, inputs, start, stop) -> times`, in any order, possibly outside the run."""
 
 KNOWN: tuple[Known, ...] = (
     lambda compiled, p, inputs, start, stop: functions_of(compiled).instants(p)[0],
@@ -124,64 +124,64 @@ KNOWN: tuple[Known, ...] = (
 def known_instants(
     compiled: CompiledModel, p: Vector, inputs: Inputs, start: float, stop: float, cuts: Vector | None = None
 ) -> Vector:
-    """Start, the instants known in advance inside the run and further `cuts`, and stop [s], ascending, each once."""
-    least = max(_APART * (stop - start), _ROUNDING * max(abs(start), abs(stop)))
+    """Start, instants known in advance or given as `cuts` inside the run, and stop [s]; ascending and distinct."""
+    shortest = max(_SAME_INSTANT * (stop - start), _ROUNDING * max(abs(start), abs(stop)))
     known = [times(compiled, p, inputs, start, stop) for times in KNOWN]
     found = np.concatenate(known if cuts is None else [*known, cuts])
     if not len(found):
         return np.array([start, stop])
     found = np.unique(found)
-    inside = found[np.isfinite(found) & (found > start + least) & (found < stop - least)]
-    apart = np.diff(inside, prepend=-np.inf) > least
-    return np.concatenate([[start], inside[apart], [stop]])
+    inside = found[np.isfinite(found) & (found > start + shortest) & (found < stop - shortest)]
+    is_distinct = np.diff(inside, prepend=-np.inf) > shortest
+    return np.concatenate([[start], inside[is_distinct], [stop]])
 
 
 class Source(Protocol):
-    """What stops a run at instants that follow from the run itself. It is asked where a stretch begins."""
+    """Stops a run at instants that depend on the run itself. It is called at the start of each stretch."""
 
     def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
-        """Where the stretch from `here` on has to end, at most at `until`, and what happens at `here` because of it."""
+        """Where the stretch from `here` has to end, at most at `until`, and what the source has caused at `here`."""
         ...
 
     def set_modes(self, modes: Vector) -> None:
-        """Write its own modes during the stretch into those that depend on time, shape (n_timely,)."""
+        """Write the modes that it determines during the stretch into those that depend on time, shape (n_timely,)."""
         ...
 
     def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
         """Whether the equations hold from here on; if not, the run ends, without the event at its end.
 
-        The stretch has come to `record.time`, with `events` on the way; not `complete` where it was found to go too
-        far. Rows that should not be there may be cut from the record.
+        The stretch has come to `record.time`, with `events` at these times on the way. It is not `complete` if it was
+        broken off by `TooFar`. The source may cut invalid rows from the record.
         """
         ...
 
 
 class TooFar(Exception):
-    """A stretch has left what a source can answer for: the rows recorded count, and it is tried again from there."""
+    """Raised where a stretch leaves the range of a source: rows recorded so far count, and the run continues there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """From one stop to the next."""
+    """From one stop, `start`, to the next, `end` [s]."""
 
-    # `start`, `end`: its stops [s].
     start: float
     end: float
     modes: Vector  # modes that depend on time alone while it lasts, shape (n_timely,)
     samples: Vector  # which samples are true at its start
     times: Vector  # output times, the last one is `end`
-    longest: float | None = None  # the longest step [s], where there is one
-    # Whether it begins at an instant of the schedule; else a source has cut there, because of `causes`.
+    longest: float | None = None  # the longest step [s], if it is limited
+    # Whether it begins at an instant of the schedule; otherwise a source has stopped the run there, for these `causes`.
     opens: bool = True
     causes: tuple[Cause, ...] = ()
 
 
 @dataclass(frozen=True)
-class Place:
-    """How far a run has come: `here` [s], in which segment.
+class Position:
+    """How far a run has come: to `here` [s], in which segment.
 
-    `entered` says whether the event at the start of the stretch has been, `fresh` that nothing has followed it yet,
-    `arrived` that the event of a variable is here, and has not been passed.
+    `entered`: Whether the event at the start of the stretch has been executed.
+    `fresh`: Whether nothing has followed it yet.
+    `arrived`: Whether a state event is here that has not been executed.
     """
 
     segment: int
@@ -199,34 +199,41 @@ class Agenda:
     sources: tuple[Source, ...]
     span: float
 
-    def stretch(self, place: Place, moment: Moment, opens: bool) -> Stretch:
-        """The stretch that begins at a place."""
-        known, k = self.schedule, place.segment
-        start, end = float(known.instants[k]), float(known.instants[k + 1])
-        whole = Stretch(start, end, known.modes[k], known.samples[k], known.outputs(k), known.bounds[k])
+    def stretch(self, position: Position, moment: Moment, opens: bool) -> Stretch:
+        """The stretch that begins at a position; `opens` as in `Stretch`."""
+        schedule, segment = self.schedule, position.segment
+        start, end = float(schedule.instants[segment]), float(schedule.instants[segment + 1])
+        stretch = Stretch(
+            start,
+            end,
+            schedule.modes[segment],
+            schedule.samples[segment],
+            schedule.outputs(segment),
+            schedule.bounds[segment],
+        )
         if not self.sources:
-            return whole
+            return stretch
         causes: tuple[Cause, ...] = ()
         for source in self.sources:
-            end, why = source.next_stop(place.here, end, moment)
-            causes += why
-        modes = whole.modes.copy()
+            end, reasons = source.next_stop(position.here, end, moment)
+            causes += reasons
+        modes = stretch.modes.copy()
         for source in self.sources:
             source.set_modes(modes)
-        outputs, margin = whole.times, self.margin
+        outputs, margin = stretch.times, self.margin
         near = outputs[np.abs(outputs - end) <= margin]
         end = float(near[0]) if len(near) else end
-        times = np.append(outputs[(outputs > place.here + margin) & (outputs < end - margin)], end)
-        samples = whole.samples if opens else np.zeros_like(whole.samples)
-        return Stretch(place.here, end, modes, samples, times, whole.longest, opens, causes)
+        times = np.append(outputs[(outputs > position.here + margin) & (outputs < end - margin)], end)
+        samples = stretch.samples if opens else np.zeros_like(stretch.samples)
+        return Stretch(position.here, end, modes, samples, times, stretch.longest, opens, causes)
 
     @property
     def margin(self) -> float:
-        """Instants nearer than this are one [s]."""
+        """Instants coincide if they are closer than this [s]."""
         return max(_MARGIN * self.span, _ROUNDING * float(np.abs(self.schedule.instants[[0, -1]]).max()))
 
     def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
-        """Tell the sources how far a stretch has come; whether all of them can go on."""
+        """Report to all sources how far a stretch has come; whether all of them accept it."""
         return all([source.accepts(record, events, complete) for source in self.sources])
 
 
@@ -237,8 +244,8 @@ def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
     found = []
     for number in compiled.state_events.samples:
         _, a, b = pool.nodes[number]
-        known = values(pool, [a, b], leaves)
-        first, interval = float(known[a]), float(known[b])
+        evaluated = values(pool, [a, b], leaves)
+        first, interval = float(evaluated[a]), float(evaluated[b])
         if not (np.isfinite(first) and 0.0 < interval < np.inf):
             raise not_a_clock(compiled.name, first, interval, users(compiled, number))
         found.append((first, interval))
@@ -246,7 +253,7 @@ def clocks(compiled: CompiledModel, p: Vector) -> list[tuple[float, float]]:
 
 
 def users(compiled: CompiledModel, sample: int) -> list[Clause]:
-    """Clauses whose condition holds a sample."""
+    """Clauses whose conditions contain a sample."""
     pool = compiled.solution.structure.reduced.pool
     return [c for c in compiled.state_events.clauses if sample in pool.reachable(c.conditions)]
 
@@ -257,10 +264,10 @@ def sample_times(compiled: CompiledModel, p: Vector, start: float, stop: float) 
 
 
 def due(compiled: CompiledModel, p: Vector, times: Vector) -> Vector:
-    """Which samples are true at n instants, ascending, shape (n, samples).
+    """Which samples are true at n ascending instants, shape (n, samples).
 
-    A tick belongs to the instant next to it, however far that is by the interval: at 1e6 s a clock of 1 ms is known to
-    1e-7 of its interval, and instants of a long run that cannot be told apart have become one.
+    A tick belongs to the nearest instant, however far away that is: at 1e6 s, a clock of 1 ms is accurate to 1e-7 of
+    its interval, and instants of a long run that coincide up to rounding errors were merged.
     """
     found = np.zeros((len(times), len(compiled.state_events.samples)))
     for k, clock in enumerate(clocks(compiled, p)):
@@ -269,14 +276,16 @@ def due(compiled: CompiledModel, p: Vector, times: Vector) -> Vector:
 
 
 def _ticks(first: float, interval: float, start: float, stop: float) -> Vector:
-    """The ticks of a clock between two times [s], the ends included to rounding."""
-    near = _NEAR + _ROUNDING * max(abs(first), abs(start), abs(stop)) / interval
-    k = np.arange(max(0.0, np.ceil((start - first) / interval - near)), np.floor((stop - first) / interval + near) + 1)
+    """The ticks of a clock between two times [s], which are included up to rounding errors."""
+    margin = _AT_TICK + _ROUNDING * max(abs(first), abs(start), abs(stop)) / interval
+    k = np.arange(
+        max(0.0, np.ceil((start - first) / interval - margin)), np.floor((stop - first) / interval + margin) + 1
+    )
     return first + interval * k
 
 
 def _nearest(times: Vector, ticks: Vector) -> NDArray[np.int64]:
-    """Indices of the times, ascending, that are nearest to the ticks."""
+    """Indices of the ascending times that are nearest to the ticks."""
     if len(times) == 1:
         return np.zeros(len(ticks), dtype=np.int64)
     right = np.clip(np.searchsorted(times, ticks), 1, len(times) - 1)

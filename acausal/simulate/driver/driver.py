@@ -1,4 +1,4 @@
-"""The driver: one run from its first stop to its last, whatever its equations and its stops are."""
+"""The driver: takes one run from its first stop to its last, whatever its equations and stops are."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import InitializationError
-from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch, TooFar
+from acausal.simulate.driver.agenda import Agenda, Position, Schedule, Stretch, TooFar
 from acausal.simulate.driver.event_loop import EventLoop, LoopState
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
@@ -21,82 +21,82 @@ from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Segment
 from acausal.simulate.start.initialize import Start
 
-# Calls of compiled code in a run that reports its progress.
-_REPORTS = 50
-# Stretches that may begin at one instant: a source of stops that tries again comes farther each time.
+# The number of calls of compiled code in a run that reports its progress.
+_MOST_REPORTS = 50
+# The most stretches that may begin at one instant: a source that tries again must get farther eventually.
 _MOST_TRIES = 1000
 
 
 class Dynamics(Protocol):
-    """What happens between two stops and at them: with events of variables (`Hybrid`) or without (`Smooth`)."""
+    """What happens at stops and between them: with state events (`Hybrid`) or without (`Smooth`)."""
 
     terminated: str | None
     pace: float
-    """Mean step of the stretch before [s], 0 when it is not known."""
+    """Mean step of the previous stretch [s]; 0 if it is not known."""
 
     @property
     def reached(self) -> Moment:
-        """Where the run is."""
+        """States, variables and modes that the run has reached."""
         ...
 
     @property
     def equations(self) -> Problem:
-        """The equations that are integrated at present."""
+        """The equations that are integrated at the moment."""
         ...
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
-        """The start of the run; `initial()` is true for the flag "initial"."""
+        """Execute the start of the run; `initial()` is true if the flag is "initial"."""
         ...
 
     def enter(self, stretch: Stretch) -> None:
-        """The event at the start of a stretch."""
+        """Execute the event at the start of a stretch."""
         ...
 
-    def advance(self, stretch: Stretch, place: Place) -> float | None:
-        """Go on to the next event of a variable and pass it: its time, None at the end of the stretch.
+    def advance(self, stretch: Stretch, position: Position) -> float | None:
+        """Integrate to the next state event and execute it; its time [s], or None at the end of the stretch.
 
-        Raises RuntimeError when the solver cannot go on.
-        Raises TooFar when a source of stops must be asked again.
+        Raises RuntimeError if the solver cannot continue.
+        Raises TooFar if the stretch leaves the range of a source of stops.
         """
         ...
 
     def moved(self, x: Vector, z: Vector, m: Vector) -> None:
-        """The run was brought to these values from outside."""
+        """Take over values that were computed elsewhere."""
         ...
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
-        """How compiled code passes stretches of this run, if it can."""
+        """The compiled event loop of this run, or None if it does not suit."""
         ...
 
     def library(self) -> Library[EventLoopProgram] | None:
-        """The compiled code for what is in force, if there is one."""
+        """The compiled code for the present equations, if there is any."""
         ...
 
     def failed(self, times: Vector) -> Segment:
-        """The segment that could not be integrated: from the last point that was reached, with the outputs left."""
+        """The segment that could not be integrated: from the last point that was reached, with the later `times`."""
         ...
 
     def end(self, t: float, samples: Vector) -> None:
-        """The event at the end of the run."""
+        """Execute the event at the end of the run."""
         ...
 
 
-def pass_compiled(dynamics: Dynamics, loop: EventLoop, place: Place, *most: int | None) -> Place | None:
-    """Where compiled code takes the dynamics from a place, over `most` segments and events; None if nowhere."""
+def pass_compiled(dynamics: Dynamics, loop: EventLoop, position: Position, *most: int | None) -> Position | None:
+    """Advance the dynamics in compiled code, over at most `most` segments and events; None if it gets nowhere."""
     library, moment = dynamics.library(), dynamics.reached
     if library is None:
         return None
-    reached = loop.go(library, LoopState(place, moment.x, moment.m, dynamics.pace), *most)
+    reached = loop.go(library, LoopState(position, moment.x, moment.m, dynamics.pace), *most)
     if reached is None:
         return None
     dynamics.moved(reached.x, moment.z, reached.m)
     dynamics.pace = reached.pace
-    return reached.place
+    return reached.position
 
 
 @dataclass
 class Driver:
-    """A run on its way."""
+    """Advances one run from stop to stop."""
 
     agenda: Agenda
     dynamics: Dynamics
@@ -105,27 +105,27 @@ class Driver:
     report: Callable[[float], None] | None
     interrupted: Callable[[], None]
     stopped: Segment | None = None
-    """Where the solver could not go on."""
+    """The segment in which the solver could not continue."""
     ended: bool = False
     """Whether a source of stops has ended the run."""
     entered: Stretch | None = None
-    """The stretch that is under way, for a driver that begins within one."""
+    """The present stretch; given to a driver that begins within one."""
     _opened: int = -1
     _row: int = 0
     _boundary: int = 0
     _before: Moment | None = None
     _again: int = 0
-    """How many stretches before this one began where it does."""
+    """How many of the stretches just before this one began at the same instant."""
 
     def go(self) -> None:
-        """Go from the first stop to the last, or to the end that the model asks for.
+        """Go from the first stop to the last, or until the model terminates the run.
 
-        Raises IntegrationError: AC400 to AC407 where the solver cannot go on.
+        Raises IntegrationError (AC400 to AC407) if the solver cannot continue.
         """
         known = self.agenda.schedule
         try:
-            self.through(Place(0, float(known.instants[0]), False, False))
-        except InitializationError:  # no values at a point that was reached: said by name where that is known
+            self.through(Position(0, float(known.instants[0]), False, False))
+        except InitializationError:  # names the equation if it has become a constraint on the states
             stopped = self.dynamics.failed(self.entered.times if self.entered else known.times)
             if is_constraining(self.dynamics.equations, stopped):
                 raise integration_error(self.dynamics.equations, self.solver, stopped, "") from None
@@ -139,72 +139,72 @@ class Driver:
         samples = known.samples[-1]
         self.dynamics.end(self.recorder.time, samples if self.dynamics.terminated is None else 0.0 * samples)
 
-    def through(self, place: Place) -> None:
-        """From a place to the last stop; the event there is not passed, and failures are the solver's own."""
+    def through(self, position: Position) -> None:
+        """Go from a position to the last stop, without the event there; failures are those of the solver."""
         known = self.agenda.schedule
         loop = None if self.agenda.sources else self.dynamics.event_loop(known)
-        while place.segment < known.segments and not self.ended:
+        while position.segment < known.segments and not self.ended:
             if self.dynamics.terminated is not None and self.recorder.count:
                 break
-            place = self._compiled(loop, place) or self._step(place)
-            if self.report is not None and not place.entered:
+            position = self._compiled(loop, position) or self._step(position)
+            if self.report is not None and not position.entered:
                 self.report(self.recorder.time)
 
-    def _compiled(self, loop: EventLoop | None, place: Place) -> Place | None:
-        """Where compiled code comes to from here, if it does."""
-        # the first instant is that of the start, about which compiled code knows nothing
-        if loop is None or loop.has_stalled or place.arrived or (place.segment == 0 and not place.entered):
+    def _compiled(self, loop: EventLoop | None, position: Position) -> Position | None:
+        """The position that compiled code reaches from here; None if it gets nowhere."""
+        # compiled code cannot execute the start of the run, at the first instant
+        if loop is None or loop.has_stalled or position.arrived or (position.segment == 0 and not position.entered):
             return None
-        most = None if self.report is None else max(1, self.agenda.schedule.segments // _REPORTS)
-        reached = pass_compiled(self.dynamics, loop, place, most)
+        most = None if self.report is None else max(1, self.agenda.schedule.segments // _MOST_REPORTS)
+        reached = pass_compiled(self.dynamics, loop, position, most)
         if reached is None:
             return None
         if reached.entered:
             self.entered = self.agenda.stretch(reached, self.dynamics.reached, True)
         return reached
 
-    def _step(self, place: Place) -> Place:
-        """The event at the start of a stretch, or on to the next stop."""
-        if not place.entered:
-            opens = place.segment != self._opened
+    def _step(self, position: Position) -> Position:
+        """Execute the event at the start of a stretch, or integrate to the next stop."""
+        if not position.entered:
+            opens = position.segment != self._opened
             self._before = self.dynamics.reached
-            tried = self.entered
-            self.entered = self.agenda.stretch(place, self._before, opens)
-            self._again = self._again + 1 if tried is not None and tried.start == self.entered.start else 0
+            previous = self.entered
+            self.entered = self.agenda.stretch(position, self._before, opens)
+            self._again = self._again + 1 if previous is not None and previous.start == self.entered.start else 0
             if self._again > _MOST_TRIES:
-                raise RuntimeError(f"{_MOST_TRIES} stretches began at this instant, and none came farther")
-            self._opened = place.segment
+                raise RuntimeError(f"{_MOST_TRIES} stretches began at this instant, and none got any farther")
+            self._opened = position.segment
             self._row, self._boundary = self.recorder.count, len(self.recorder.boundaries)
             self.dynamics.enter(self.entered)
-            return Place(place.segment, self.entered.start, True, True)
+            return Position(position.segment, self.entered.start, True, True)
         assert self.entered is not None, "a stretch is entered before it is passed"
         try:
-            stop = self.dynamics.advance(self.entered, place)
+            stop = self.dynamics.advance(self.entered, position)
         except TooFar:
             _, x, z, _ = self.recorder.point(self.recorder.count - 1)
             self.dynamics.moved(x, z, self.dynamics.reached.m)
-            return self._left(self.entered, place, complete=False)
+            return self._leave(self.entered, position, complete=False)
         if stop is not None and self.dynamics.terminated is None:
-            return replace(place, here=stop, fresh=False, arrived=False)
-        return self._left(self.entered, place, complete=True)
+            return replace(position, here=stop, fresh=False, arrived=False)
+        return self._leave(self.entered, position, complete=True)
 
-    def _left(self, stretch: Stretch, place: Place, complete: bool) -> Place:
-        """The end of a stretch: what a source had to do with its start is told, and the sources are."""
+    def _leave(self, stretch: Stretch, position: Position, complete: bool) -> Position:
+        """End a stretch: record what a source has caused at its start, and report to the sources."""
         if not stretch.opens:
-            self._explain(stretch, self.agenda.schedule.outputs(place.segment))
-        here, end = self.recorder.time, float(self.agenda.schedule.instants[place.segment + 1])
+            self._explain(stretch, self.agenda.schedule.outputs(position.segment))
+        here, end = self.recorder.time, float(self.agenda.schedule.instants[position.segment + 1])
         events = [t for t, _, _ in self.recorder.boundaries[self._boundary :]]
         self.ended = not self.agenda.accepts(self.recorder, events, complete)
         if self.recorder.time < here:
             self.dynamics.terminated = None  # what ended the run has been cut
         ended = here >= end or (complete and stretch.end >= end)
-        return Place(place.segment + ended, here, False, False)
+        return Position(position.segment + ended, here, False, False)
 
     def _explain(self, stretch: Stretch, outputs: Vector) -> None:
-        """Say what happened where a source has cut, or leave the cut out of the result when nothing has.
+        """Record the causes of a stop that a source has made, or hide its rows from the result if there are none.
 
-        A stretch that is tried again has only its own row too many: those before it are of the start of the run, of an
-        instant of the schedule, or of what happened where it was tried first.
+        A stretch that is tried again has only its own row in excess: those before it belong to the start of the run, to
+        an instant of the schedule, or to what happened at the first attempt.
         """
         causes = (*stretch.causes, *self._flipped())
         _, *happened = self.recorder.boundaries[self._boundary]
@@ -216,8 +216,8 @@ class Driver:
             self.recorder.hide(self._row - 1)
 
     def _flipped(self) -> tuple[Cause, ...]:
-        """Relations that have changed where the stretch begins."""
-        assert self._before is not None, "kept where the stretch began"
+        """Relations that have changed at the start of the stretch."""
+        assert self._before is not None, "set at the start of the stretch"
         compiled = self.recorder.compiled
         first = compiled.n_modes - len(compiled.state_events.relations)
         after = self.recorder.point(self._row)[3][first:]

@@ -1,8 +1,8 @@
-"""Segments and ordinary events passed in compiled code, where a run has it.
+"""Segments and ordinary events passed in compiled code, for runs that have it.
 
-Between two calls of an integrator Python takes half a millisecond, and as long again for an event; C takes a few
-microseconds. The meaning of events is that of `iteration.py`; what is not ordinary is left to it (`native/event_loop.c`
-says what that is). The loop ends before such an event, and starts again behind it.
+Python takes half a millisecond between two calls of an integrator, and as long again for an event; C takes a few
+microseconds. Events have the meaning that `iteration.py` gives them. Those that are not ordinary
+(`native/event_loop.c` says which) are left to it: the loop ends before such an event, and starts again after it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.driver.agenda import Place, Schedule
+from acausal.simulate.driver.agenda import Position, Schedule
 from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
@@ -33,15 +33,15 @@ from acausal.simulate.solvers.segment import Piece, Segment
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 Clears = Callable[[Segment, Piece], bool]
-# Calls in a row that ended where they began, after which no more are tried.
-_MOST_EMPTY = 8
+# After so many calls in a row that ended where they began, no more are tried.
+_MOST_EMPTY_CALLS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class LoopState:
-    """Where the loop has come to, with states and modes."""
+    """A position that the loop has reached, with states and modes, and the mean step of the solver [s]."""
 
-    place: Place
+    position: Position
     x: Vector
     m: Vector
     pace: float = 0.0
@@ -49,9 +49,9 @@ class LoopState:
 
 @dataclass(frozen=True, eq=False)
 class LoopEvent:
-    """An event of a loop that is traced: states and modes before and behind it, and the relation that was reached.
+    """An event of a traced loop: states and modes before and after it, and the relation that was reached.
 
-    `jumps` are, of each round that acted, states and modes, the truth of each action, and whether `pre` advanced.
+    `jumps`: For each round that acted: states and modes, which actions were applied, and whether `pre` advanced.
     """
 
     time: float
@@ -64,21 +64,21 @@ class LoopEvent:
 def suits_event_loop(problem: Problem, solver: Solver) -> bool:
     """Whether runs of this problem can be passed in compiled code: those of one-step methods on ODEs."""
     compiled = problem.compiled
-    apart = range(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
+    quadratures = range(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
     return (
         solver.native == "integrator"
         and not compiled.algebraic
         and compiled.n_dynamic > 0
         and not compiled.delays
         and not compiled.solution.structure.invariants
-        and not any(position in apart for c in compiled.state_events.clauses for position, _ in c.actions)
-        # between the ends of steps the loop looks at turns and middles of steep functions, which miss a pulse that
-        # underflows on both sides (1/cosh); a method with slopes stops there, an explicit one would go on
+        and not any(state in quadratures for c in compiled.state_events.clauses for state, _ in c.actions)
+        # within steps the loop searches the turning points and middles of steep functions, and so misses a pulse that
+        # underflows on both sides (1/cosh); a method that evaluates slopes fails there, an explicit one would go on
         and not (solver.explicit and compiled.is_steep)
     )
 
 
-# What is said of events, by relations, clauses and states that have changed: all runs of a model have the same few.
+# Descriptions of events by relations, clauses and states that have changed: all runs of a model have the same few.
 _KNOWN: WeakKeyDictionary[
     CompiledModel, dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]]
 ] = WeakKeyDictionary()
@@ -88,9 +88,9 @@ _MOST_KNOWN = 10_000
 class EventLoop:
     """The compiled event loop of one run.
 
-    `explain` says what the relations and clauses with these numbers are; `bounces` is kept up to date. A run that is
-    traced has a `trace`, which gets every event. What `clears` does not clear of a call is not taken from it. The
-    `memory` of a loop of an equal system is used, if it is large enough.
+    `explain` describes the relations and clauses with given numbers. `bounces` is updated by each call. `trace` is
+    called with every event. Only the part of a call that `clears` accepts is used. `memory` is that of a loop of an
+    equal system, and is used if it is large enough.
     """
 
     def __init__(
@@ -109,7 +109,7 @@ class EventLoop:
         self.problem, self.recorder, self.schedule, self.template = problem, recorder, schedule, template
         self.span, self.bounces, self.explain, self.trace, self.clears = span, bounces, explain, trace, clears
         compiled = problem.compiled
-        self._empty = 0
+        self._empty_calls = 0
         self._library: Library[EventLoopProgram] | None = None
         self._states = compiled.states
         self._known = _KNOWN.setdefault(compiled, {})
@@ -122,16 +122,16 @@ class EventLoop:
 
     @property
     def has_stalled(self) -> bool:
-        """Whether so many calls have got nowhere that no more should be tried."""
-        return self._empty >= _MOST_EMPTY
+        """Whether so many calls have got nowhere that no more should be made."""
+        return self._empty_calls >= _MOST_EMPTY_CALLS
 
     def over(self, schedule: Schedule) -> EventLoop | None:
-        """The same for another schedule of its run; None where its memory is too short for that."""
+        """This loop with another schedule of its run; None if its memory is too small for that."""
         if schedule is self.schedule:
             return self
         if not self.memory.is_long_enough(schedule.longest):
             return None
-        self.schedule, self._empty = schedule, 0
+        self.schedule, self._empty_calls = schedule, 0
         if self._structure is not None:
             self._structure.timely = schedule.modes.shape[1]
             self._structure.put(schedule.placed)
@@ -144,37 +144,39 @@ class EventLoop:
         segments: int | None = None,
         events: int | None = None,
     ) -> LoopState | None:
-        """Where the loop comes to, over so many segments and events at most; None when it gets nowhere.
+        """Pass at most so many segments and events; the state reached, or None if the loop gets nowhere.
 
-        With one event it enters a stretch, and stays there.
+        With one event, it enters a stretch and stays there.
         """
-        place, x, m = start.place, start.x, start.m
+        position, x, m = start.position, start.x, start.m
         loop = self._prepared(library)
-        last = self.schedule.segments if segments is None else min(place.segment + segments, self.schedule.segments)
+        last = self.schedule.segments if segments is None else min(position.segment + segments, self.schedule.segments)
         loop.boundaries = last + 1
         bounces = self.bounces
-        again = bounces is not None and self.clears is not None
-        before = (bounces.count, bounces.last.copy(), bounces.crowd.copy()) if again and bounces is not None else None
+        may_repeat = bounces is not None and self.clears is not None
+        before = (
+            (bounces.count, bounces.last.copy(), bounces.crowd.copy()) if may_repeat and bounces is not None else None
+        )
         self._run(library, loop, start, events or self.memory.events)
-        passed = self._cleared(loop, start)
-        if passed is not None:  # once more, up to where something may have been passed over
+        events_before_miss = self._events_before_miss(loop, start)
+        if events_before_miss is not None:  # again, up to the stretch in which something may have been missed
             if before is not None and bounces is not None:
                 bounces.count, bounces.last[:], bounces.crowd[:] = before
-            self._run(library, loop, start, passed + 1)
+            self._run(library, loop, start, events_before_miss + 1)
         if bounces is not None:
             bounces.count = loop.count
-        self._empty = 0 if loop.rows else self._empty + 1
+        self._empty_calls = 0 if loop.rows else self._empty_calls + 1
         if not loop.rows:
             return None
-        self._record(loop, place.here, x, m)
-        here = Place(loop.segment, loop.here, bool(loop.entered), bool(loop.fresh), bool(loop.arrived))
+        self._record(loop, position.here, x, m)
+        here = Position(loop.segment, loop.here, bool(loop.entered), bool(loop.fresh), bool(loop.arrived))
         return LoopState(here, self.memory.x.copy(), self.memory.m.copy(), float(loop.first))
 
     def _run(self, library: Library[EventLoopProgram], loop: EventLoopStructure, start: LoopState, events: int) -> None:
-        """Run from a start as far as it goes with fewer than so many events."""
-        place = start.place
-        loop.segment, loop.here, loop.event_capacity = place.segment, place.here, events
-        loop.entered, loop.fresh, loop.arrived, loop.first = place.entered, place.fresh, False, start.pace
+        """Run from a start as far as possible with fewer than `events` events."""
+        position = start.position
+        loop.segment, loop.here, loop.event_capacity = position.segment, position.here, events
+        loop.entered, loop.fresh, loop.arrived, loop.first = position.entered, position.fresh, False, start.pace
         self.memory.x[:], self.memory.m[:] = start.x, start.m
         if self.bounces is not None:
             loop.count = self.bounces.count
@@ -184,32 +186,32 @@ class EventLoop:
             library.run.run(loop)
         except KeyboardInterrupt:
             if loop.rows:
-                self._record(loop, place.here, start.x, start.m)
+                self._record(loop, position.here, start.x, start.m)
             raise
 
-    def _cleared(self, loop: EventLoopStructure, start: LoopState) -> int | None:
-        """How many events were before the first stretch in which something may have been passed over; None if none."""
+    def _events_before_miss(self, loop: EventLoopStructure, start: LoopState) -> int | None:
+        """The number of events before the first stretch that may have missed something; None if there is none."""
         if self.clears is None or not any(self.memory.stretch_doubts[: loop.stretches].tolist()):
             return None
         first = 0
         for k, last in enumerate(self.memory.trail_end[: loop.stretches].tolist()):
             events = int(self.memory.stretch_events[k])
-            t, x, m = start.place.here, start.x, start.m
+            t, x, m = start.position.here, start.x, start.m
             if events:
                 row = int(self.memory.event_row[events - 1])
                 t, x, m = float(self.memory.row_time[row]), self.memory.row_x[row], self.memory.row_m[row]
-            times, own = self.memory.trail_time[first:last], self.memory.trail_x[first:last].T
+            times, x_rows = self.memory.trail_time[first:last], self.memory.trail_x[first:last].T
             first = last
             if not self.memory.stretch_doubts[k]:
                 continue
             segment = replace(self.template, start=t, times=times, x=x, p=m)
-            piece = Piece(own, np.zeros((0, len(times))), {"steps": float(self.memory.stretch_steps[k])})
+            piece = Piece(x_rows, np.zeros((0, len(times))), {"steps": float(self.memory.stretch_steps[k])})
             if len(times) and not self.clears(segment, piece):
                 return events
         return None
 
     def _prepared(self, library: Library[EventLoopProgram]) -> EventLoopStructure:
-        """What the program has to know of the run; made once."""
+        """The data of the run for the compiled program, created once."""
         if self._structure is not None and self._library is library:
             return self._structure
         problem, schedule, compiled = self.problem, self.schedule, self.problem.compiled
@@ -241,11 +243,11 @@ class EventLoop:
             "jump_capacity": len(self.memory.jump_x),
             "trail_capacity": len(self.memory.trail_time),
         }
-        known = None if self.clears is None else steep_arguments(compiled)
-        if known is not None:  # the program looks at them by itself
-            numbers |= {"columns": len(known.owners), "functions": known.levels.count}
-        own = {"scale": problem.scale_x, "constant": constants, "u": problem.u, "p": problem.p}
-        arrays = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in own.items()}
+        steep = None if self.clears is None else steep_arguments(compiled)
+        if steep is not None:  # the program searches them by itself
+            numbers |= {"columns": len(steep.owners), "functions": steep.levels.count}
+        inputs = {"scale": problem.scale_x, "constant": constants, "u": problem.u, "p": problem.p}
+        arrays = {name: np.ascontiguousarray(values, dtype=np.float64) for name, values in inputs.items()}
         if self.bounces is not None:
             arrays |= {name: getattr(self.bounces, name) for name in ("last", "crowd", "impossible")}
         parts = schedule.placed, self.memory.placed, Placed(arrays)
@@ -253,13 +255,13 @@ class EventLoop:
         return self._structure
 
     def _record(self, loop: EventLoopStructure, start: float, x_start: Vector, m_start: Vector) -> None:
-        """Record what the loop has passed."""
+        """Record the rows and events of a call."""
         n = loop.rows
-        # columns are instants, as solvers deliver them
+        # columns are instants, as in the pieces of solvers
         rows, m = self.memory.row_x[:n].copy(), self.memory.row_m[:n].copy().T
         times, x = self.memory.row_time[:n].copy(), rows.T
         starts = self.memory.event_row[: loop.events]
-        self._fill(times, x, m, starts, start, x_start)
+        self._add_quadratures(times, x, m, starts, start, x_start)
         before = rows[starts - 1]
         before[starts == 0] = x_start
         moved = rows[starts] != before
@@ -271,10 +273,10 @@ class EventLoop:
         ends = [0, *self.memory.acts_end[: loop.events].tolist()]
         acts = self.memory.act[: ends[-1]].tolist()
         boundaries = []
-        fired, others = _in_bytes(self.memory.fired[: loop.events]), _in_bytes(moved)
+        fired, others = _row_bytes(self.memory.fired[: loop.events]), _row_bytes(moved)
         for k, t in enumerate(self.memory.event_time[: loop.events].tolist()):
             happened = fired[k], tuple(acts[ends[k] : ends[k + 1]]), others[k]
-            if happened not in self._known:  # the same few things happen again and again
+            if happened not in self._known:  # the same few events occur again and again
                 causes = self.explain(np.flatnonzero(self.memory.fired[k]).tolist(), list(happened[1]))
                 self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
             boundaries.append((t, *self._known[happened]))
@@ -303,31 +305,33 @@ class EventLoop:
             for k in range(first, int(self.memory.jumps_end[event]))
         )
 
-    def _fill(
+    def _add_quadratures(
         self, times: Vector, x: Vector, m: Vector, starts: NDArray[np.int64], start: float, x_start: Vector
     ) -> None:
-        """The integrals that are solved apart, into the rows and the state that was reached."""
+        """Write the quadratures, which are integrated separately, into the rows and the state that was reached."""
         compiled = self.problem.compiled
-        own = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
+        columns = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
         if not compiled.quadratures:
             return
-        # stretches between two events, and the rows behind the first instant of theirs
-        owner = np.searchsorted(starts, np.arange(len(times)), side="right")
+        # the stretch of each row, between two events, and rows after the first instant of their stretch
+        stretch_of = np.searchsorted(starts, np.arange(len(times)), side="right")
         begins = np.append(start, times[starts])
-        behind = times > begins[owner]
-        used, stretches = np.unique(owner[behind], return_inverse=True)
-        grown, total = np.zeros((compiled.quadratures, len(times))), np.zeros((compiled.quadratures, len(begins) + 1))
+        is_later = times > begins[stretch_of]
+        used, stretches = np.unique(stretch_of[is_later], return_inverse=True)
+        growths, total = np.zeros((compiled.quadratures, len(times))), np.zeros((compiled.quadratures, len(begins) + 1))
         if len(used):
-            first, discrete = np.searchsorted(owner, used), slice(len(x) - compiled.discretes, None)
+            first, discrete = np.searchsorted(stretch_of, used), slice(len(x) - compiled.discretes, None)
             values = m[:, first].T, x[discrete, first].T
-            grown[:, behind] = growth(self.problem, begins[used], times[behind], stretches, *values, self.template)
-            total[:, used + 1] = grown[:, np.searchsorted(owner, used, side="right") - 1]
-        reached = x_start[own, None] + np.cumsum(total, axis=1)
-        x[own] = reached[:, owner] + grown
-        self.memory.x[own] = reached[:, -1]
+            growths[:, is_later] = growth(
+                self.problem, begins[used], times[is_later], stretches, *values, self.template
+            )
+            total[:, used + 1] = growths[:, np.searchsorted(stretch_of, used, side="right") - 1]
+        reached = x_start[columns, None] + np.cumsum(total, axis=1)
+        x[columns] = reached[:, stretch_of] + growths
+        self.memory.x[columns] = reached[:, -1]
 
 
-def _in_bytes(rows: NDArray[Any]) -> list[bytes]:
-    """The rows of a table of truths."""
+def _row_bytes(rows: NDArray[Any]) -> list[bytes]:
+    """The rows of a Boolean table as bytes."""
     count, width = rows.shape
     return np.ascontiguousarray(rows).view(f"V{width}").ravel().tolist() if width else [b""] * count

@@ -1,11 +1,12 @@
 """Systems that share no equation, each with its own steps and events between the stops that concern all of them.
 
-One impact of one body made all bodies take small steps. Here each system goes from stop to stop by the same driver, as
-a model of its own with a record of its own, and the records are put together: outputs are common, and at an event of
-one system the others are integrated to its instant from where they began anew.
+If they were integrated together, an impact of one body would make all bodies take small steps. Here each system goes
+from stop to stop with the same driver, as a model of its own with a record of its own, and the records are merged:
+outputs are common, and the states of the others at an event of one system are obtained by integration from their last
+restart.
 
-What concerns the run as a whole is left to the whole: where a system ends the run, breaks an assertion or cannot go on,
-the stretch is integrated again as one system, whose events, messages and places are then those of any other run.
+If a system terminates the run, violates an assertion or cannot continue, the stretch is integrated again as one system,
+so that events, messages and source locations are those of any other run.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 from acausal.errors import AcausalError
 from acausal.lower.subsystems.split import Subsystem
-from acausal.simulate.driver.agenda import Agenda, Place, Schedule, Stretch
+from acausal.simulate.driver.agenda import Agenda, Position, Schedule, Stretch
 from acausal.simulate.driver.driver import Driver, pass_compiled
 from acausal.simulate.driver.event_loop import EventLoop
 from acausal.simulate.driver.hybrid import Hybrid
@@ -40,16 +41,17 @@ from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
 _NO_Z = np.zeros(0)
-# Mesh points of a stretch between which rows are interpolated, closer to its ends, and rows of which none is.
-_POINTS, _FEW = 24, 8
-_SHARES = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _POINTS + 1) / _POINTS)
-# Parts of a stretch of a run that reports its progress.
+# Mesh points of a stretch between which rows are interpolated, closer together near its ends; so few rows are
+# integrated to.
+_POINTS, _MOST_UNINTERPOLATED = 24, 8
+_FRACTIONS = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _POINTS + 1) / _POINTS)
+# A stretch of a run that reports its progress is divided into so many parts.
 _PARTS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A stretch of the whole as some of its systems have it, and as a schedule."""
+    """A stretch of the whole model for systems of one kind, and the same as a schedule."""
 
     stretch: Stretch
     schedule: Schedule
@@ -67,28 +69,29 @@ class Member:
     span: float
     _first: int = 0
     _boundary: int = 0
-    ahead: Place | None = None
-    """Where compiled code has come to in the stretch that was entered, if it has gone on at once."""
+    ahead: Position | None = None
+    """The position that compiled code has reached in the present stretch, if it has continued beyond its start."""
 
     @property
     def template(self) -> Segment:
-        """The task of its solver; start, times and states are filled in for each call."""
+        """A segment for its solver; start, times and states are set for each call."""
         return self.dynamics.template
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
-        """The start of the run, from states and modes of the whole."""
+        """Execute the start of the run, with states and modes of the whole model."""
         self.dynamics.begin(t, Start(start.x[self.part.states], _NO_Z, ()), m[self.part.modes], flag)
 
     def enter(self, task: Task, whole: bool) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
-        """The event at the start of a stretch of the whole; returns its causes and the changed variables.
+        """Execute the event at the start of a stretch; returns its causes and the changed variables.
 
-        Compiled code goes on through the `whole` stretch at once: a call for each of hundreds of systems is saved.
+        With `whole`, compiled code continues through the whole stretch, which saves a call for each of hundreds of
+        systems.
         """
         self._first, before, self.ahead = self.recorder.count, len(self.recorder.boundaries), None
-        if self._first:  # of the start of the run compiled code knows nothing
-            place = self._passed(task, Place(0, task.stretch.start, False, False), None if whole else 1)
-            if place is not None:
-                self._boundary, self.ahead = before + 1, place if whole else None
+        if self._first:  # compiled code cannot execute the start of the run
+            position = self._compiled(task, Position(0, task.stretch.start, False, False), None if whole else 1)
+            if position is not None:
+                self._boundary, self.ahead = before + 1, position if whole else None
                 return self.recorder.boundaries[before][1:]
         self.dynamics.enter(task.stretch)
         self._boundary = len(self.recorder.boundaries)
@@ -98,29 +101,29 @@ class Member:
         return happened.causes, happened.changed
 
     def advance(self, task: Task, interrupted: Callable[[], None]) -> None:
-        """Integrate from the last row to the end of the stretch that was entered, or of a part of it."""
+        """Integrate from the last row to the end of the present stretch, or of a part of it."""
         ahead, self.ahead = self.ahead, None
         if ahead is None and self.recorder.count > self._first + 1:
             self._first, self._boundary = self.recorder.count - 1, len(self.recorder.boundaries)
         own = task.stretch
-        begins = Place(0, own.start, True, True)
-        place = ahead or self._passed(task, begins) or begins
-        if place.segment:
+        begins = Position(0, own.start, True, True)
+        position = ahead or self._compiled(task, begins) or begins
+        if position.segment:
             return
         own, agenda = replace(own, opens=True), Agenda(task.schedule, (), self.span)
         driver = Driver(agenda, self.dynamics, self.recorder, self.solver.name, None, interrupted, entered=own)
-        driver.through(place)
+        driver.through(position)
 
-    def _passed(self, task: Task, place: Place, events: int | None = None) -> Place | None:
-        """Where compiled code comes to from a place, with so many events at most; None if nowhere."""
+    def _compiled(self, task: Task, position: Position, events: int | None = None) -> Position | None:
+        """The position that compiled code reaches, with at most so many events; None if it gets nowhere."""
         loop = self.dynamics.event_loop(task.schedule)
         if loop is None or loop.has_stalled:
             return None
-        return pass_compiled(self.dynamics, loop, place, None, events)
+        return pass_compiled(self.dynamics, loop, position, None, events)
 
     @cached_property
     def kind(self) -> tuple[bytes, ...]:
-        """What a stretch is for it depends on this: which modes of time and samples are its own."""
+        """The modes of time and the samples that belong to it; systems with equal ones get the same task."""
         return self._timely.tobytes(), self._samples.tobytes()
 
     @property
@@ -133,7 +136,7 @@ class Member:
         return self.part.modes[model.n_timely : model.n_timely + len(model.state_events.samples)]
 
     def task(self, stretch: Stretch) -> Task:
-        """The stretch with its own modes of time and its own samples."""
+        """The stretch with the modes of time and the samples that belong to this system."""
         samples = stretch.samples[self._samples - len(stretch.modes)]
         own = replace(stretch, modes=stretch.modes[self._timely], samples=samples)
         both, ends = np.stack([samples, np.zeros_like(samples)]), np.array([len(own.times)])
@@ -142,24 +145,24 @@ class Member:
 
     @property
     def entered(self) -> tuple[Vector, Vector]:
-        """States and modes where the stretch was entered."""
+        """States and modes after the event at the start of the stretch."""
         _, x, _, m = self.recorder.point(self._first)
         return x, m
 
     def rows(self) -> Rows:
-        """What it recorded in the last part of a stretch, from the row at its start on."""
+        """The rows of the last part of a stretch, including the one at its start."""
         times, x, _, m = self.recorder.rows(self._first)
         return Rows(times, x, m, tuple(self.recorder.boundaries[self._boundary :]))
 
     def between(self, rows: Rows, starts: NDArray[np.int64], times: Vector) -> tuple[Vector, Vector]:
-        """States and modes at further times, shapes (nx, n) and (nm, n), integrated again from some of its rows.
+        """States and modes at other times, shapes (nx, n) and (nm, n), integrated from the rows `starts` before them.
 
-        Raises RuntimeError when the solver cannot go there.
+        Raises RuntimeError if the solver fails.
         """
         x, m = np.empty((len(rows.x), len(times))), np.empty((len(rows.m), len(times)))
-        begun = starts[np.searchsorted(rows.times[starts], times, side="right") - 1]
-        for row in np.unique(begun).tolist():
-            here = np.flatnonzero(begun == row)
+        start_rows = starts[np.searchsorted(rows.times[starts], times, side="right") - 1]
+        for row in np.unique(start_rows).tolist():
+            here = np.flatnonzero(start_rows == row)
             t = float(rows.times[row])
             near = times[here] - t <= 1e-13 * max(self.span, abs(t))
             x[:, here[near]], m[:, here[near]] = rows.x[:, [row]], rows.m[:, [row]]
@@ -175,24 +178,25 @@ class Member:
     def _solved(self, regime: Regime, segment: Segment) -> Vector:
         """States at the times of a segment, shape (nx, n).
 
-        An interpreted step ends at each of them, and CasADi freezes them in an integrator. So many of them are
-        interpolated between mesh points, whose integrator is kept, where that is proved to be as good.
+        An interpreted step ends at each of these times, and they are fixed when CasADi creates the integrator. Many of
+        them are therefore interpolated between mesh points, whose integrator is cached, where an error estimate permits
+        it.
         """
         problem, times = regime.problem, segment.times
         is_compiled = problem.native.used or self.solver.multistep or segment.step is not None
-        # what wakes between two mesh points and is asleep at both is no polynomial
+        # between two mesh points a steep function may rise and fall, which no polynomial shows
         is_smooth = not problem.compiled.is_steep and problem.n_dynamic > 0
-        if is_compiled or not is_smooth or len(times) <= _FEW:
+        if is_compiled or not is_smooth or len(times) <= _MOST_UNINTERPOLATED:
             return self._integrated(regime, segment)
-        there = segment.start + segment.length * _SHARES
-        points = self._integrated(regime, replace(segment, times=there, shares=_SHARES))
-        nodes, values = np.append(segment.start, there), np.column_stack([segment.x, points]).T
+        mesh = segment.start + segment.length * _FRACTIONS
+        states = self._integrated(regime, replace(segment, times=mesh, shares=_FRACTIONS))
+        nodes, values = np.append(segment.start, mesh), np.column_stack([segment.x, states]).T
         size = np.abs(values[np.searchsorted(nodes, times).clip(1, _POINTS) - 1])
         n = problem.n_dynamic
         allowed = np.full(size.shape, np.inf)
         allowed[:, :n] = segment.tolerances.of(size[:, :n], problem.scale_x)
-        found, good = between(nodes, values, times, allowed)
-        x = found.T
+        interpolated_values, good = between(nodes, values, times, allowed)
+        x = interpolated_values.T
         if not good.all():
             x[:, ~good] = self._integrated(regime, replace(segment, times=times[~good]))
         return x
@@ -207,7 +211,7 @@ class Member:
 class IndependentSystems:
     """The dynamics of several systems; see `driver.Dynamics`.
 
-    `problem` and `recorder` are those of the whole, `as_one` makes its dynamics.
+    `problem` and `recorder` are those of the whole model; `as_one` creates its dynamics as one system.
     """
 
     problem: Problem
@@ -219,16 +223,16 @@ class IndependentSystems:
     terminated: str | None = None
     pace: float = 0.0
     one: Hybrid | None = None
-    """The dynamics of the whole, from where it is integrated as one system again."""
+    """The dynamics of the whole model, once it is integrated as one system."""
     joined: float = np.inf
-    """Where that is [s]."""
+    """Since when that is so [s]."""
     _x: Vector = field(default_factory=lambda: np.zeros(0))
     _m: Vector = field(default_factory=lambda: np.zeros(0))
-    _told: tuple[str, ...] = ()
+    _notes: tuple[str, ...] = ()
 
     @property
     def reached(self) -> Moment:
-        """Where the run is."""
+        """States, variables and modes that the run has reached."""
         if self.one is not None:
             return self.one.reached
         holds = []
@@ -241,16 +245,16 @@ class IndependentSystems:
 
     @property
     def equations(self) -> Problem:
-        """The equations that are integrated at present."""
+        """The equations that are integrated at the moment."""
         return self.problem if self.one is None else self.one.equations
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes on the run."""
-        return self._told if self.one is None else tuple(dict.fromkeys((*self._told, *self.one.notes)))
+        return self._notes if self.one is None else tuple(dict.fromkeys((*self._notes, *self.one.notes)))
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
-        """The start of the run."""
+        """Execute the start of the run."""
         self._x, self._m = start.x.copy(), m.copy()
         try:
             for member in self.members:
@@ -260,7 +264,7 @@ class IndependentSystems:
         self._gather()
 
     def enter(self, stretch: Stretch) -> None:
-        """The event at the start of a stretch."""
+        """Execute the event at the start of a stretch."""
         happened: list[tuple[tuple[Cause, ...], tuple[str, ...]]] = []
         if self.one is None:
             try:
@@ -277,45 +281,45 @@ class IndependentSystems:
         self._m[: len(stretch.modes)] = stretch.modes
         causes = tuple(c for own, _ in happened for c in own)
         if any(c.text for c in causes) or not all(own for own, _ in happened):
-            causes = tuple(c for c in causes if c.text)  # without any it is an event of time
+            causes = tuple(c for c in causes if c.text)  # without any, it is a time event
         changed = tuple(c for _, own in happened for c in own)
         m = self._m.copy()
         for member in self.members:
             x, modes = member.entered
             m[member.part.modes] = modes
-            if member.ahead is not None:  # what was gathered is of where it has come to
+            if member.ahead is not None:  # the values gathered are those of a later position
                 self._x[member.part.states], self._m[member.part.modes] = x, modes
         self.recorder.begin(stretch.start, self._x, _NO_Z, m, causes, changed)
 
-    def advance(self, stretch: Stretch, place: Place) -> float | None:
-        """Each system to the end of the stretch; in parts, after each of which progress is reported."""
+    def advance(self, stretch: Stretch, position: Position) -> float | None:
+        """Integrate each system to the end of the stretch; in parts, after each of which progress is reported."""
         parts = np.array_split(stretch.times, _PARTS) if self._in_parts(stretch) else [stretch.times]
         for times in parts:
             if self.one is None:
-                self._passed(replace(stretch, start=place.here, end=float(times[-1]), times=times))
+                self._advance_members(replace(stretch, start=position.here, end=float(times[-1]), times=times))
             if self.one is not None:
-                stop = self.one.advance(stretch, place)
+                stop = self.one.advance(stretch, position)
                 self._gather()
                 return stop
-            place = replace(place, here=float(times[-1]), fresh=False)
+            position = replace(position, here=float(times[-1]), fresh=False)
             if self.report is not None:
-                self.report(place.here)
+                self.report(position.here)
         return None
 
     def _in_parts(self, stretch: Stretch) -> bool:
-        """Whether progress is reported on the way through a stretch."""
+        """Whether progress is reported within a stretch."""
         return self.report is not None and len(stretch.times) >= 2 * _PARTS
 
     def _tasks(self, stretch: Stretch) -> dict[tuple[bytes, ...], Task]:
-        """The stretch by kinds of systems: equal ones share what is made of it."""
+        """The task of each kind of systems."""
         found: dict[tuple[bytes, ...], Task] = {}
         for member in self.members:
             if member.kind not in found:
                 found[member.kind] = member.task(stretch)
         return found
 
-    def _passed(self, part: Stretch) -> None:
-        """A part of a stretch, system by system; if one fails, the model goes on as a whole."""
+    def _advance_members(self, part: Stretch) -> None:
+        """Integrate a part of a stretch, system by system; if one fails, the run continues as one system."""
         try:
             tasks = self._tasks(part)
             for member in self.members:
@@ -328,30 +332,30 @@ class IndependentSystems:
         except (AcausalError, RuntimeError) as error:
             self._join(part.start, error)
 
-    def _join(self, t: float, why: object, flag: str | None = None) -> None:
-        """Go on as one system from values of the whole."""
+    def _join(self, t: float, reason: object, flag: str | None = None) -> None:
+        """Continue as one system from the values of the whole model at time `t`."""
         self.interrupted()
-        _log.debug("%s: one system from t = %g s on: %s", self.problem.compiled.name, t, why)
+        _log.debug("%s: one system from t = %g s on: %s", self.problem.compiled.name, t, reason)
         self.one, self.joined = self.as_one(), t
         self.one.begin(t, Start(self._x, _NO_Z, ()), self._m, flag)
 
     def _gather(self) -> None:
-        """Collect states, modes and notes of all systems as those of the whole."""
+        """Collect states, modes and notes of all systems."""
         if self.one is not None:
             self._x, self._m = self.one.reached.x, self.one.reached.m
             self.terminated, self.pace = self.one.terminated, self.one.pace
             return
         all_ = (member.dynamics for member in self.members)
-        self._told = tuple(dict.fromkeys(n for own in all_ if isinstance(own, Hybrid) for n in own.notes))
-        self._x, self._m = self._x.copy(), self._m.copy()  # recorded, and held by moments
+        self._notes = tuple(dict.fromkeys(n for own in all_ if isinstance(own, Hybrid) for n in own.notes))
+        self._x, self._m = self._x.copy(), self._m.copy()  # the old arrays belong to records and moments
         for member in self.members:
             moment = member.dynamics.reached
             self._x[member.part.states], self._m[member.part.modes] = moment.x, moment.m
 
     def _record(self, stretch: Stretch) -> None:
-        """The rows of all systems as rows of the whole."""
+        """Record the rows of all systems as rows of the whole model."""
         found = merged([member.rows() for member in self.members], stretch.times, self._filled)
-        # columns are instants, as solvers deliver them
+        # columns are instants, as in the pieces of solvers
         x, m = (np.tile(values, (len(found.times), 1)).T for values in (self._x, self._m))
         for k, member in enumerate(self.members):
             x[member.part.states], m[member.part.modes] = found.values(k)
@@ -367,7 +371,7 @@ class IndependentSystems:
         return self.members[k].between(rows, rows.starts, times)
 
     def again(self, t: float, row: tuple[Vector, Vector], times: Vector) -> tuple[Piece, Vector]:
-        """The solution integrated again behind a recorded row at `t`, of states and modes, and its modes."""
+        """The solution at times after a recorded row of states and modes at `t`, and its modes."""
         x, m = (np.repeat(values[:, None], len(times), axis=1) for values in row)
         for member in self.members:
             own_times, own_x, _, own_m = member.recorder.rows()
@@ -377,7 +381,7 @@ class IndependentSystems:
         return Piece(x, np.zeros((0, len(times))), {}), m
 
     def moved(self, x: Vector, z: Vector, m: Vector) -> None:
-        """The run was brought to these values from outside."""
+        """Take over values that were computed elsewhere."""
         if self.one is not None:
             self.one.moved(x, z, m)
         self._x, self._m = x.copy(), m.copy()
@@ -385,7 +389,7 @@ class IndependentSystems:
             member.dynamics.moved(x[member.part.states], _NO_Z, m[member.part.modes])
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
-        """Each system has a loop of its own."""
+        """None: each system has a loop of its own."""
         return None
 
     def library(self) -> Library[EventLoopProgram] | None:
@@ -397,7 +401,7 @@ class IndependentSystems:
         return (self.one or self.as_one()).failed(times)
 
     def end(self, t: float, samples: Vector) -> None:
-        """The event at the end of the run."""
+        """Execute the event at the end of the run."""
         if self.one is not None:
             self.one.end(t, samples)
             return

@@ -1,4 +1,4 @@
-"""One run and all that belongs to it: solver, start values, agenda, dynamics, record, and the result made of them."""
+"""One run and everything that belongs to it: solver, start values, agenda, dynamics, record, and the result."""
 
 from __future__ import annotations
 
@@ -52,42 +52,46 @@ from acausal.simulate.step_limit.limit import StepLimit
 
 Progress = Callable[[float, float], None]
 _log = logging.getLogger(__name__)
-# How far points may be off the constraints with fixed steps, and at the smallest tolerances.
+# How far points may be from the constraints with fixed steps, and at the tightest tolerances.
 _MOVED_FIXED, _MOVED_LEAST = 1e-2, 1e-9
-# Stops known in advance up to which systems are run apart: each of them is entered at every one.
+# With more segments, independent systems are integrated together: each of them would restart at every stop.
 _MOST_STOPS = 50
 
 
 _UNSEARCHED = (
-    "stretches from t = {:.6g} s on have too many steps to be searched for what steep functions (exp, tanh, atan, high "
-    "powers) do between them: what comes and goes within one step may be passed; compare with a run with a max_step"
+    "stretches from t = {:.6g} s on take too many steps to be searched for what steep functions (exp, tanh, atan, high "
+    "powers) do between them: a pulse within one step may be missed; compare with a run with a max_step"
 )
 
 
-_doubts: WeakKeyDictionary[CompiledModel, tuple[bytes, tuple[str, ...]]] = WeakKeyDictionary()
+_DOUBTFUL: WeakKeyDictionary[CompiledModel, tuple[bytes, tuple[str, ...]]] = WeakKeyDictionary()
 
 
-def doubts_about(compiled: CompiledModel, p: Vector) -> tuple[str, ...]:
-    """What is doubtful about these parameters; known of those of the last run, as hundreds of contacts are asked."""
-    known = _doubts.get(compiled)
+def doubtful_parameters(compiled: CompiledModel, p: Vector) -> tuple[str, ...]:
+    """Notes on doubtful parameters; kept for those of the last run, because models may have hundreds of contacts."""
+    known = _DOUBTFUL.get(compiled)
     if known is None or known[0] != p.tobytes():
-        known = _doubts[compiled] = p.tobytes(), doubtful_values(compiled.flat, p.tolist())
+        known = _DOUBTFUL[compiled] = p.tobytes(), doubtful_values(compiled.flat, p.tolist())
     return known[1]
 
 
 @dataclass
 class Run:
-    """The run while it is under way.
+    """A run in progress.
 
-    `given` are states to start with instead of the start conditions, `outputs` times of rows instead of the grid,
-    `sources` what stops the run besides its time events and delays. `opening` says whether `initial()` is true at the
-    start, `traced` whether all events are kept. `why` is said of a solver instead of the reason it was chosen for.
-    `watches` says whether kinks at which rates may wake are watched: only a run that this ends goes without.
-    `searches` says whether what steep functions do between rows is searched: not under a bound on all steps.
-    `unsearched` are starts of stretches of too many steps for that [s], and `unshown` instants of rows that the result
-    leaves out. `problem` are the equations with the numbers of
-    this run, `tables` the stops that long tables of time demand, `tolerances` those of the solver, a share of the
-    run's.
+    `given`: States to start with instead of the start conditions.
+    `outputs`: Times of rows [s] instead of those of the grid.
+    `opening`: Whether `initial()` is true at the start.
+    `traced`: Whether all events are kept.
+    `sources`: What stops the run besides its time events and delays.
+    `why`: Reported instead of the reason for which the solver was chosen.
+    `watches`: Whether kinks at which rates may become active are located; not in a run that would fail because of it.
+    `searches`: Whether rows are searched for what steep functions do between them; not if all steps are bounded.
+    `problem`: The equations with the numbers of this run.
+    `tables`: The stops that long tables of time require.
+    `tolerances`: Those of the solver, a fraction of those of the run.
+    `unsearched`: The starts of stretches with too many steps to be searched [s].
+    `hidden`: Instants of rows that the result leaves out [s].
     """
 
     compiled: CompiledModel
@@ -111,11 +115,11 @@ class Run:
     timings: dict[str, float] = field(default_factory=dict)
     interrupt: Interruptible = field(default_factory=Interruptible)
     unsearched: list[float] = field(default_factory=list)
-    unshown: Vector = field(default_factory=lambda: np.zeros(0))
+    hidden: Vector = field(default_factory=lambda: np.zeros(0))
     recorder: Recorder | None = None
     stopped: Segment | None = None
     dynamics: Smooth | Hybrid | IndependentSystems | None = None
-    _ask_at: float = STRETCHES * STRETCH
+    _next_check: float = STRETCHES * STRETCH
 
     @property
     def u(self) -> Vector:
@@ -124,25 +128,25 @@ class Run:
 
     @property
     def hybrid(self) -> Hybrid | None:
-        """The dynamics with events of the model as one system; None where it has no events."""
+        """The dynamics of the model as one system with events; None if it has no events."""
         one = self.dynamics.one if isinstance(self.dynamics, IndependentSystems) else self.dynamics
         return one if isinstance(one, Hybrid) else None
 
     @property
     def independent(self) -> IndependentSystems | None:
-        """The dynamics of systems that share no equation; None where the model is run as one."""
+        """The dynamics of systems that share no equation; None if the model is integrated as one system."""
         return self.dynamics if isinstance(self.dynamics, IndependentSystems) else None
 
     def result(self) -> Result:
-        """Run; once more without watching kinks where that holds or ends it: they make no event, whatever they tell.
+        """Run; if the run fails while kinks are located, once more without, because they are no events.
 
-        Raises RunError with what was computed as its `result`.
+        Raises RunError, whose `result` holds what was computed.
         """
         plain = self.compiled
         try:
             return self._result()
         except (Endless, IntegrationError):
-            if self.sources or self.compiled is plain:  # sources have looked at the run already
+            if self.sources or self.compiled is plain:  # sources cannot be restarted
                 raise
             self.compiled, self.watches, self.timings, self.interrupt = plain, False, {}, Interruptible()
             self.unsearched.clear()
@@ -155,16 +159,16 @@ class Run:
         self.solver, reason = choose(self.compiled, opts.solver, opts.step, len(self.inputs.breaks))
         self.why = self.why or reason
         notes: tuple[str, ...] = ()
-        if not self.solver.fixed_step and opts.step is None:  # fixed steps sleep through nothing
+        if not self.solver.fixed_step and opts.step is None:  # no fixed step misses what becomes active
             bounded, tables, operations = "" if self.watches else UNWATCHED, "", self.compiled.operations
             if self.watches and operations & WAKING:
                 self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance, branches=self.traced)
             is_blind = "call" in operations and opts.max_step is None and not bounded
             unseen = note_on_externals(self.compiled) if is_blind else ""
             notes = tuple(note for note in (bounded, tables, unseen) if note)
-            if bounded and opts.max_step is None:  # what sleeps wakes within a step, where its error is seen
+            if bounded and opts.max_step is None:  # error control sees what becomes active within a bounded step
                 opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
-                self.searches = False  # the message says what may be passed over under this bound
+                self.searches = False  # the note says what may be missed under this bound
         self.problem = Problem(self.compiled, self.p, self.u, opts.native)
         self.tables = self._tables()
         bends = self.solver.multistep and self.tables.are_dense
@@ -173,10 +177,14 @@ class Run:
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
         refuse_jumps(self.compiled, instants.tolist(), self.modes, self.p)
-        memory = self.remembering() if self.compiled.delays else None
-        start = self.begun(m) if memory is None else opened(memory, self.problem, opts.start_time, self.begun, m)
-        doubts = doubts_about(self.compiled, self.p)
-        start = replace(start, notes=(*start.notes, *doubts, *notes))
+        memory = self.memory_of_delays() if self.compiled.delays else None
+        start = (
+            self.start_values(m)
+            if memory is None
+            else opened(memory, self.problem, opts.start_time, self.start_values, m)
+        )
+        doubtful = doubtful_parameters(self.compiled, self.p)
+        start = replace(start, notes=(*start.notes, *doubtful, *notes))
         for note in start.notes:
             _log.warning("%s: %s", self.compiled.name, note)
         self.timings["initialize"] = seconds() - began
@@ -201,21 +209,21 @@ class Run:
             self.stopped = driver.stopped
             if not recorder.segments:
                 raise
-            error.result = self.finished(recorder, start.notes)  # type: ignore[union-attr]
+            error.result = self.assembled(recorder, start.notes)  # type: ignore[union-attr]
             if limit is not None and isinstance(error, IntegrationError):
                 limit.check_run(recorder, error.result)
             raise
         finally:
             self.timings["integrate"] = seconds() - began
         long = memory is None and self.independent is None and recorder.counters.get("steps", 0.0) >= MANY
-        notes = self.ruled_by_rounding(recorder, opts.stop_time) if long else ()
+        notes = self.rounding_notes(recorder, opts.stop_time) if long else ()
         controlled = not self.solver.fixed_step and opts.step is None
         unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
         meeting = crossed_branches(self.problem, recorder, not controlled, self.solver.algebraic)
         unknown = (*unknown, *(singular_positions(recorder) or meeting))
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
-        result = self.finished(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
+        result = self.assembled(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
         if limit is not None:
             limit.check_run(recorder, result)
         return result
@@ -224,14 +232,14 @@ class Run:
         """The start of the run as a result of one row, before any event there."""
         opts = self.options
         m = self.modes(*known_instants(self.compiled, self.p, self.inputs, opts.start_time, opts.stop_time)[:2])
-        start = self.begun(m)
+        start = self.start_values(m)
         self.stabilise(start, m)
         recorder = Recorder(self.compiled, self.p, self.u)
         recorder.begin(opts.start_time, start.x, start.z, m)
         return make_result(recorder, (), {}, None)
 
     def _tables(self) -> Kinks:
-        """Stops and longest steps that long tables of time demand of a solver with step control."""
+        """Stops and longest steps that long tables of time require of a solver with step control."""
         opts = self.options
         if self.solver.fixed_step or opts.step is not None or "table" not in self.compiled.operations:
             return NONE
@@ -240,7 +248,7 @@ class Run:
     def instants(self) -> Vector:
         """Start, time events, samples, breaks of inputs and kinks of tables, and stop [s]."""
         opts = self.options
-        # the steps of one that interpolates end at outputs; of another one nothing is known
+        # steps of a solver that interpolates end at outputs; nothing is known of one from outside
         all_ = None if getattr(self.solver, "interpolates", False) else self.tables.instants
         cuts = self.tables.cuts if self.solver.multistep else all_
         return known_instants(self.compiled, self.p, self.inputs, opts.start_time, opts.stop_time, cuts)
@@ -252,8 +260,8 @@ class Run:
         if not self.solver.multistep:
             grid = np.union1d(grid, self.tables.instants)
         if self.outputs is None:
-            self.unshown = looks(self.compiled, opts, self.solver.fixed_step)
-            grid = np.union1d(grid, self.unshown)
+            self.hidden = looks(self.compiled, opts, self.solver.fixed_step)
+            grid = np.union1d(grid, self.hidden)
         bounds = self.tables if self.solver.multistep else NONE
         known = schedule(self.compiled, self.p, self.inputs, instants, grid, bounds, opts.max_step)
         template = self.segment(float(instants[0]), known.times, start.x, start.z, m)
@@ -279,7 +287,7 @@ class Run:
         return Driver(agenda, self.dynamics, recorder, solver.name, report, self.interrupt.check)
 
     def members(self, known: Schedule, template: Segment) -> list[Member]:
-        """The systems of the model that share no equation; none where it is run as one."""
+        """The systems of the model that share no equation; none if it is integrated as one system."""
         opts = self.options
         if self.solver.fixed_step or opts.step is not None or self.traced or len(self.tables.instants):
             return []
@@ -289,7 +297,7 @@ class Run:
         return [self.member(part, template, memories) for part in subsystems(self.compiled)]
 
     def member(self, part: Subsystem, template: Segment, memories: dict[int, LoopMemory]) -> Member:
-        """One of these systems, with a solver that fits its own size."""
+        """One of these systems, with a solver that suits its size."""
         opts, model, none = self.options, part.model, np.zeros(0)
         problem = Problem(model, part.p(self.p, self.u), none, opts.native)
         solver, self.why = choose(model, opts.solver, None)
@@ -309,11 +317,11 @@ class Run:
         return Member(part, problem, solver, recorder, smooth, opts.span)
 
     def under(self, regime: Regime, segment: Segment) -> Piece:
-        """The solver under any regime; RuntimeError when it cannot go on."""
+        """Integrate under any regime; RuntimeError if the solver cannot continue."""
         return self.integrate(regime.problem, segment)
 
     def integrate(self, problem: Problem, segment: Segment, solver: Solver | None = None) -> Piece:
-        """Call the solver; KeyboardInterrupt where Ctrl-C was the reason of its failure."""
+        """Call the solver, with the search for missed events; KeyboardInterrupt if it failed because of Ctrl-C."""
         try:
             own = solver or self.solver
             search = self.missed_events(problem.compiled, own)
@@ -332,7 +340,7 @@ class Run:
         return MissedEvents(solver.integrate, self.unsearched.append)
 
     def segment(self, here: float, times: Vector, x: Vector, z: Vector, m: Vector) -> Segment:
-        """The task of a solver: from `here` over the output times `times`."""
+        """A segment for a solver: from `here` over the output times `times`."""
         return Segment(here, times, x, z, m, self.tolerances, self.options.step, self.options.max_step)
 
     def report(self, t: float) -> None:
@@ -342,29 +350,29 @@ class Run:
             self.warn_of_rounding(t)
 
     def warn_of_rounding(self, t: float) -> None:
-        """Say of a run that will be long, as soon as that shows, that rounding rules its steps.
+        """Warn as soon as a run turns out to be long because rounding errors determine its steps.
 
-        Asked again whenever the steps have doubled: what makes noise may come later.
+        Checked again whenever the number of steps has doubled, because the noise may begin later.
         """
         assert self.recorder is not None, "a run under way records"
         steps = self.recorder.counters.get("steps", 0.0)
         done = (t - self.options.start_time) / self.options.span
-        if not 0.0 < done < 1.0 or steps < self._ask_at or steps / done < MANY:
+        if not 0.0 < done < 1.0 or steps < self._next_check or steps / done < MANY:
             return
         if self.compiled.delays or self.independent is not None:
             return
-        self._ask_at = 2.0 * steps
-        for note in self.ruled_by_rounding(self.recorder, t):
+        self._next_check = 2.0 * steps
+        for note in self.rounding_notes(self.recorder, t):
             _log.warning("%s: at t = %g s: %s", self.compiled.name, t, note)
-            self._ask_at = math.inf
+            self._next_check = math.inf
 
     def modes(self, a: float, b: float) -> Vector:
-        """Modes of the time events, and numbers of inputs over time, between two instants."""
+        """Modes of the time events, and coefficients of inputs over time, between two instants."""
         middle = 0.5 * (a + b)
         m: Vector = functions_of(self.compiled).modes(middle, self.p)[0]
         return np.asarray(self.inputs.into(self.compiled, m[None, :], np.array([middle]))[0])
 
-    def begun(self, m: Vector) -> Start:
+    def start_values(self, m: Vector) -> Start:
         """The start values: the states that were given, or the solution of the start conditions."""
         t = self.options.start_time
         if self.given is None:
@@ -374,8 +382,8 @@ class Run:
             m[first:] = truths(self.compiled, t, self.given.x, self.given.z, self.u, self.p, m)
         return consistent(self.compiled, t, self.given, self.p, self.u, m)
 
-    def remembering(self) -> Memory:
-        """The past of a model with delays."""
+    def memory_of_delays(self) -> Memory:
+        """The memory of the past of a model with delays."""
         if self.given is not None:
             help_ = "give the model without contacts that change its structure"
             refuse_delays(self.compiled.flat, "a run in pieces of different structure", help_)
@@ -391,12 +399,12 @@ class Run:
         self.p[-1] = max(2.0 * fastest, 10.0 / self.options.span)
 
     def most_moved(self) -> float:
-        """How far recorded points may be off the constraints: ten tolerances, where a tolerance rules the steps."""
+        """How far recorded points may be from the constraints: ten tolerances if they control the steps."""
         is_fixed = self.solver.fixed_step or self.options.step is not None
         return _MOVED_FIXED if is_fixed else self.options.tolerances.scaled(10.0, _MOVED_LEAST).relative
 
     def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
-        """The solution integrated again from a recorded row, and its modes at `times`; RuntimeError where it fails."""
+        """Integrate again from a recorded row; the solution and its modes at `times`. RuntimeError if that fails."""
         here, x, z, m = recorder.point(row)
         if self.independent is not None and here < self.independent.joined:
             return self.independent.again(here, (x, m), times)
@@ -408,8 +416,8 @@ class Run:
         piece = self.integrate(regime.problem, segment)
         return piece, regime.modes(times, piece.x, piece.z, m)
 
-    def ruled_by_rounding(self, recorder: Recorder, reached: float) -> tuple[str, ...]:
-        """A note on a run of many steps up to `reached`, if its tolerance is below what rounding allows."""
+    def rounding_notes(self, recorder: Recorder, reached: float) -> tuple[str, ...]:
+        """A note on a run of many steps up to `reached` [s] if its tolerance is below the attainable accuracy."""
         opts, steps = self.options, recorder.counters.get("steps", 0.0)
         if self.solver.fixed_step or opts.step is not None or len(self.inputs.breaks):
             return ()
@@ -424,10 +432,10 @@ class Run:
 
         return remark(attainable(again, stretches), steps, self.solver.name, opts.tolerances)
 
-    def finished(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
-        """The result of what was recorded."""
+    def assembled(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
+        """The result of all that was recorded."""
         grid = self.options.grid() if self.outputs is None else self.outputs
-        recorder.hide_at(np.concatenate([self.tables.instants, self.unshown]), np.append(grid, self.inputs.breaks))
+        recorder.hide_at(np.concatenate([self.tables.instants, self.hidden]), np.append(grid, self.inputs.breaks))
         known = functions_of(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, independent, native = self.hybrid, self.independent, self.problem.native

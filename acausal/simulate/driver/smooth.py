@@ -1,4 +1,4 @@
-"""A run without events of variables: one call of the solver between two stops."""
+"""A run without state events: one call of the solver between two stops."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.simulate.driver.agenda import Place, Schedule, Stretch
+from acausal.simulate.driver.agenda import Position, Schedule, Stretch
 from acausal.simulate.driver.event_loop import EventLoop, suits_event_loop
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Moment
@@ -28,19 +28,19 @@ from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.start.initialize import Start, consistent
 
 _log = logging.getLogger(__name__)
-# Steps times variables that take about a second.
+# The number of steps times variables that takes about a second.
 _LONG = 1e6
-# Steps between two output times from which on it is looked whether a solver crawls to a vanishing pivot.
-_FEW_STEPS = 400
-# Pieces of a run whose steps are counted in each when there are too many between two outputs.
-_FINER = 10_000
+# A solver that needs more steps between two output times may be crawling towards a vanishing pivot.
+_CRAWLING_STEPS = 400
+# If there are too many steps between two outputs, a run is divided into so many parts, each with a limit of its own.
+_PARTS = 10_000
 
 
 @dataclass
 class Smooth:
-    """The dynamics of a model without events of variables; see `driver.Dynamics`.
+    """The dynamics of a model without state events; see `driver.Dynamics`.
 
-    `report` is told the time reached within a stretch, None when nobody asks.
+    `report` is called with the times reached within a stretch [s].
     """
 
     problem: Problem
@@ -57,7 +57,7 @@ class Smooth:
 
     @property
     def reached(self) -> Moment:
-        """Where the run is."""
+        """States, variables and modes that the run has reached."""
         assert self._moment is not None, "a run begins before its first stretch"
         return self._moment
 
@@ -67,15 +67,15 @@ class Smooth:
         return self.problem
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
-        """The start of the run."""
+        """Take the start of the run."""
         self._moment = Moment(start.x, start.z, m, Regime(self.problem))
 
     def moved(self, x: Vector, z: Vector, m: Vector) -> None:
-        """The run was brought to these values from outside."""
+        """Take over values that were computed elsewhere."""
         self._moment = replace(self.reached, x=x, z=z, m=m)
 
     def enter(self, stretch: Stretch) -> None:
-        """Algebraic variables under the modes of the stretch."""
+        """Solve for the algebraic variables with the modes of the stretch."""
         moment, problem = self.reached, self.problem
         m = moment.m.copy()
         m[: len(stretch.modes)] = stretch.modes
@@ -84,7 +84,7 @@ class Smooth:
         self.moved(start.x, start.z, m)
         self.recorder.begin(stretch.start, start.x, start.z, m)
 
-    def advance(self, stretch: Stretch, place: Place) -> None:
+    def advance(self, stretch: Stretch, position: Position) -> None:
         """Integrate to the end of the stretch."""
         for times in self._parts(stretch.times):
             moment = self.reached
@@ -100,7 +100,7 @@ class Smooth:
             )
             piece = self._integrated(here)
             self.pace = pace(here.start, float(times[-1]), piece.counters)
-            # what smaller pieces have reached is recorded already
+            # rows that were reached in smaller pieces are recorded already
             piece = self._record(times[times > self.recorder.time], piece)
             self.moved(piece.x[:, -1], piece.z[:, -1], moment.m)
 
@@ -108,8 +108,7 @@ class Smooth:
         return self.recorder.add(times, piece, self.reached.m)
 
     def _integrated(self, segment: Segment) -> Piece:
-        """Call the solver; where it fails, record what smaller pieces reach."""
-
+        """Call the solver; if it fails, recover in smaller pieces, whose rows are recorded."""
         try:
             return self._solved(segment)
         except RuntimeError as error:
@@ -120,7 +119,7 @@ class Smooth:
                     self._failed = segment
                     raise
                 if not self.solver.multistep:
-                    # what bounded its steps was the look at the pivots
+                    # its steps may have been limited only in order to examine the pivots
                     with suppress(RuntimeError):
                         return self._solved(replace(segment, step_budget=MOST_STEPS))
             if self.solver.multistep and "TOO_MUCH_WORK" in str(error):
@@ -129,11 +128,11 @@ class Smooth:
                     return whole
             self._failed, last = recover(partial(self.integrate, self.problem), segment, self._record)
             if last is not None:
-                return last  # in smaller pieces it went through
+                return last  # smaller pieces have reached the end
             raise
 
     def _solved(self, segment: Segment) -> Piece:
-        """Call the solver; its rows are recorded if it is interrupted."""
+        """Call the solver; if it is interrupted, record its rows."""
         try:
             return self.integrate(self.problem, segment)
         except Interrupted as stop:
@@ -142,31 +141,31 @@ class Smooth:
             raise
 
     def _finer(self, segment: Segment) -> tuple[Segment, Piece | None]:
-        """A segment that needs more steps between two outputs than is allowed, on a grid that knows of no outputs.
+        """Integrate a segment with too many steps between two outputs on a fine grid, which does not depend on outputs.
 
-        What is left of it, and the rows of that when it was passed. Where the run has few outputs, it is refused where
+        The rest of the segment, and its rows if the end was reached. A run with few outputs is thus refused exactly if
         one with many is.
         """
-        fine = np.linspace(segment.start, segment.times[-1], _FINER + 1)[1:]
-        asked = replace(segment, times=np.union1d(fine, segment.times), partial=True)
+        fine = np.linspace(segment.start, segment.times[-1], _PARTS + 1)[1:]
+        refined = replace(segment, times=np.union1d(fine, segment.times), partial=True)
         try:
-            piece = self._solved(asked)
+            piece = self._solved(refined)
         except RuntimeError:
             return segment, None
         count = piece.x.shape[1]
-        rows = np.flatnonzero(np.isin(asked.times[:count], segment.times))
-        due, x, z = asked.times[rows], piece.x[:, rows], piece.z[:, rows]
-        if count == len(asked.times):
+        rows = np.flatnonzero(np.isin(refined.times[:count], segment.times))
+        due, x, z = refined.times[rows], piece.x[:, rows], piece.z[:, rows]
+        if count == len(refined.times):
             return segment, Piece(x, z, piece.counters)
         if len(due):
             self._record(due, Piece(x, z, piece.counters))
-        later, here = segment.times[segment.times > asked.times[count - 1]], float(asked.times[count - 1])
+        later, here = segment.times[segment.times > refined.times[count - 1]], float(refined.times[count - 1])
         return replace(segment, start=here, times=later, x=piece.x[:, -1], z=piece.z[:, -1]), None
 
     def _approached(self, segment: Segment) -> Segment:
-        """What is left of a segment that failed when its first rows, up to where the solver crawls, are recorded."""
+        """Record the first rows of a segment that failed, up to where the solver crawls; the rest of it."""
         try:
-            piece = self.integrate(self.problem, replace(segment, partial=True, step_budget=_FEW_STEPS))
+            piece = self.integrate(self.problem, replace(segment, partial=True, step_budget=_CRAWLING_STEPS))
         except RuntimeError:
             return segment
         count = min(piece.x.shape[1], len(segment.times) - 1)
@@ -179,9 +178,9 @@ class Smooth:
     def _parts(self, times: Vector) -> Iterator[Vector]:
         """Output times in chunks, after each of which progress is reported and the run can be stopped.
 
-        One without progress; with it, the first fiftieth tells whether there is reason for more: each chunk restarts
-        the solver, at the cost of steps and of accuracy. Steps are counted, not seconds, so that a run gives the same
-        result every time.
+        There is only one chunk if nobody asks for progress. Otherwise the first fiftieth shows if more are worthwhile:
+        each restarts the solver, which costs steps and accuracy. The criterion is the number of steps and not the time
+        that they take, so that results are reproducible.
         """
         if self.report is None or len(times) < 100:
             yield times
@@ -200,14 +199,14 @@ class Smooth:
         yield parts[-1]
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
-        """How compiled code passes the segments by itself, if it can."""
-        # one segment is faster as it is, and can be passed in parts; what is steep is looked at behind the solver
+        """The compiled event loop, if it suits."""
+        # a single segment is no slower without, and can be divided; steep functions are searched after each call
         if schedule.segments < 2 or self.problem.compiled.is_steep or not suits_event_loop(self.problem, self.solver):
             return None
         return EventLoop(self.problem, self.recorder, schedule, self.template, self.span)
 
     def library(self) -> Library[EventLoopProgram] | None:
-        """The compiled integrator, if there is one."""
+        """The compiled integrator, if there is any."""
         return program(self.problem, self.solver, self.template)
 
     def failed(self, times: Vector) -> Segment:
