@@ -144,7 +144,7 @@ def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
 
     from acausal.simulate.equations.calls.raw import Kept
     from acausal.simulate.options import options
-    from acausal.simulate.solvers.base import SMOOTH_SHARE
+    from acausal.simulate.solvers.base import SMOOTH_FRACTION
 
     if family == "pendulum":
         return None
@@ -158,8 +158,8 @@ def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
     results = [ode_of(x, parameters), none, none, none]
     dae = ca.Function("dae", arguments, results, ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"])
     settings = {
-        "reltol": SMOOTH_SHARE * opts.tolerance,
-        "abstol": SMOOTH_SHARE * opts.tolerance * opts.absolute_factor,
+        "reltol": SMOOTH_FRACTION * opts.tolerance,
+        "abstol": SMOOTH_FRACTION * opts.tolerance * opts.absolute_factor,
         "calc_ic": False,
         "init_xdot": np.array(dae(0.0, x0, [], p, [])[0]).ravel().tolist(),
         "max_num_steps": 10**6,

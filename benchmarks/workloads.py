@@ -45,7 +45,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.drilling_kinematic import ThinPlate
 from acausal.models.rc_ladder import RCLadder
 from acausal.simulate.equations.calls.raw import Kept
-from acausal.simulate.solvers.base import SMOOTH_SHARE
+from acausal.simulate.solvers.base import SMOOTH_FRACTION
 
 TOLERANCE = 1e-8
 Job = Callable[[], float]
@@ -182,7 +182,7 @@ def reading(n: int = 10_000) -> dict[str, Job]:
     """Run the ladder and read one current, against the same ladder stepped by hand: its integrator is kept."""
     compiled = acausal.compile(RCLadder(n=n))
     experiment = compiled.flat.experiment
-    tolerance = SMOOTH_SHARE * experiment.tolerance
+    tolerance = SMOOTH_FRACTION * experiment.tolerance
     x, none = ca.SX.sym("x", n), ca.SX(0, 1)
     ode = ca.vertcat(1.0, x[:-1]) - x - (x - ca.vertcat(x[1:], x[-1]))
     arguments = [ca.SX.sym("t"), x, ca.SX.sym("z", 0), ca.SX.sym("p", 0), ca.SX.sym("u", 0)]

@@ -1,6 +1,6 @@
-"""What the stages of a run are timed with: elapsed time, or processor time where runs are compared on a busy machine.
+"""The clock that times the stages of a run: elapsed time, or processor time to compare runs on a busy machine.
 
-It is asked for here and not kept in each module that times something: whoever replaces it then reaches all of them.
+Modules call `seconds` instead of holding a clock of their own, so that replacing `CLOCK` affects all of them.
 """
 
 from __future__ import annotations
@@ -13,5 +13,5 @@ CLOCK: ContextVar[Callable[[], float]] = ContextVar("clock of runs", default=per
 
 
 def seconds() -> float:
-    """Seconds since an instant that is always the same."""
+    """Seconds since a fixed but arbitrary instant."""
     return CLOCK.get()()

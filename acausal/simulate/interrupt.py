@@ -1,4 +1,4 @@
-"""Ctrl-C, or a request to end, while a solver runs."""
+"""Handling of Ctrl-C and SIGTERM while a solver runs."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:  # the command line starts without NumPy
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: a batch system, or a service manager, asks for the end."""
+    """Raised on SIGTERM, by which a batch system or a service manager ends a program."""
 
 
 class Interrupted(KeyboardInterrupt):
-    """A call that was ended on its way.
+    """Raised by a call that was interrupted.
 
-    `rows` are its outputs as far as it had come, one row an output time; `got` is what the solver has made of them;
-    `signal` is the number of the signal.
+    `rows` are the outputs that it had computed, one row per output time; `got` is the piece that the solver made of
+    them; `signal` is the number of the signal.
     """
 
     def __init__(self, *rows: NDArray[np.float64]) -> None:
@@ -33,57 +33,57 @@ class Interrupted(KeyboardInterrupt):
 
 
 def terminate(number: int, frame: FrameType | None) -> NoReturn:
-    """Handler for SIGTERM of a program that wants its runs to keep what they have computed."""
+    """Handler for SIGTERM in programs whose runs shall keep the results computed so far."""
     raise Terminated
 
 
-_KNOWN = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: terminate}
+_HANDLERS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: terminate}
 
 
 class Interruptible:
-    """Remembers Ctrl-C, and SIGTERM where `terminate` is its handler, inside the `with` block.
+    """Records Ctrl-C, and SIGTERM if `terminate` is its handler, inside the `with` block.
 
-    CasADi raises KeyboardInterrupt inside the solver's callbacks, the solver takes it for a failure of the model and
-    fails with a RuntimeError: only who remembers the signal can tell the two apart. The same goes for what compiles
-    and starts a model, so that the blocks nest: the outermost one remembers for all, and whoever enters the next one
-    or leaves the last after a signal that got lost is told then. A handler of the caller's own is left alone, and so
-    is every thread but the main one, which alone receives signals.
+    CasADi raises KeyboardInterrupt inside the solver's callbacks; the solver takes it for a failure of the model and
+    fails with a RuntimeError. Only a recorded signal distinguishes the two. Compiling and starting a model lose signals
+    in the same way, so blocks nest: the outermost one records for all. A signal that was lost is raised when the next
+    block is entered, or when the outermost one is left. A handler that the caller has installed is not replaced, and
+    threads other than the main one, which alone receives signals, are not affected.
     """
 
     def __init__(self) -> None:
-        self._noted: int | None = None
-        self._around: Interruptible | None = None
+        self._received: int | None = None
+        self._outer: Interruptible | None = None
         self._installed: list[signal.Signals] = []
 
     @property
     def pressed(self) -> int | None:
-        """The signal that came, in this block or in one around it."""
-        return self._noted if self._around is None else self._around.pressed
+        """The number of the signal received in this block or an enclosing one; None if there was none."""
+        return self._received if self._outer is None else self._outer.pressed
 
     def __enter__(self) -> Interruptible:
         if threading.current_thread() is threading.main_thread():
-            self._around = _heeding()
+            self._outer = _active_block()
             self.check()
-            if self._around is None:  # a block within another one leaves its handlers
-                self._installed = [number for number, usual in _KNOWN.items() if signal.getsignal(number) is usual]
+            if self._outer is None:  # an inner block keeps the handlers of the outermost one
+                self._installed = [number for number, usual in _HANDLERS.items() if signal.getsignal(number) is usual]
             for number in self._installed:
                 signal.signal(number, self._note)
         return self
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        self._noted = number
+        self._received = number
         self.check()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         for number in self._installed:
-            signal.signal(number, _KNOWN[number])
-        if kind is None and self._around is None:
+            signal.signal(number, _HANDLERS[number])
+        if kind is None and self._outer is None:
             self.check()
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt when Ctrl-C was pressed, Terminated after SIGTERM."""
+        """Raise KeyboardInterrupt if Ctrl-C was pressed, Terminated after SIGTERM."""
         if self.pressed is not None:
             raise Terminated if self.pressed == signal.SIGTERM else KeyboardInterrupt
 
@@ -93,7 +93,7 @@ Answer = TypeVar("Answer")
 
 
 def interruptible(function: Callable[Parameters, Answer]) -> Callable[Parameters, Answer]:
-    """The function in a block of `Interruptible`: a signal is not lost, whatever it comes in."""
+    """Run the function in an `Interruptible` block, so that no signal is lost in whatever code it arrives."""
 
     @wraps(function)
     def run(*args: Parameters.args, **options: Parameters.kwargs) -> Answer:
@@ -104,23 +104,23 @@ def interruptible(function: Callable[Parameters, Answer]) -> Callable[Parameters
 
 
 def is_interrupted() -> bool:
-    """Whether the run of this thread was asked to end: then the failure of a call is that of nothing else."""
+    """Whether the run of this thread received a signal, which then is the reason why a call failed."""
     return _pressed() is not None
 
 
 def was_terminated(stop: KeyboardInterrupt) -> bool:
-    """Whether it was SIGTERM rather than Ctrl-C."""
+    """Whether the signal was SIGTERM rather than Ctrl-C."""
     return isinstance(stop, Terminated) or (isinstance(stop, Interrupted) and stop.signal == signal.SIGTERM)
 
 
 def _pressed() -> int | None:
     if threading.current_thread() is not threading.main_thread():
         return None
-    heeding = _heeding()
-    return None if heeding is None else heeding.pressed
+    active = _active_block()
+    return None if active is None else active.pressed
 
 
-def _heeding() -> Interruptible | None:
-    """Who handles signals now."""
-    owners = (getattr(signal.getsignal(number), "__self__", None) for number in _KNOWN)
+def _active_block() -> Interruptible | None:
+    """The outermost block that handles signals now; None if there is none."""
+    owners = (getattr(signal.getsignal(number), "__self__", None) for number in _HANDLERS)
     return next((owner for owner in owners if isinstance(owner, Interruptible)), None)

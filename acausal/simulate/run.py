@@ -1,4 +1,4 @@
-"""`simulate`: a component or a compiled model, and how it shall be run, to a result."""
+"""`simulate`: runs a component or a compiled model, and returns its result."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from acausal.simulate.restructure.restructure import Pieces, RunPiece
 from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
-# Times that a run is made, each time with other pivots.
-_MOST_FORMS = 4
+# Attempts at a run, each with other pivots or another solver.
+_MOST_ATTEMPTS = 4
 
 
 @interruptible
@@ -59,80 +59,91 @@ def simulate(
     Parameters
     ----------
     model
-        A component, or what `compile` made of it (then nothing is compiled again).
+        A component, or a model from `compile` (which is not compiled again).
     start_time, stop_time, output_interval, step
         Seconds; None takes them from the model's `experiment`. The default interval gives 500 intervals.
     tolerance
-        Relative tolerance of the solver; absolute ones are a thousandth of it times the nominal magnitude.
+        Relative tolerance of the result; absolute tolerances are a thousandth of it times the nominal magnitude.
     accuracy
-        Wanted accuracy of the result instead of a tolerance: solver and tolerance are then the cheapest that reach it,
-        which a bench of the model finds first (`acausal.bench`; that takes many runs). A given solver is kept.
+        Wanted accuracy of the result instead of a tolerance. A bench of the model (`acausal.bench`, which takes many
+        runs) first finds the cheapest solver and tolerance that reach it. A given solver is kept.
     solver
         "auto", "idas", "rosenbrock", "cvodes", "erk", "collocation", "rk" or "rk2".
     max_step
-        No step of a solver that chooses them is longer [s]: of what comes and goes in less it must see something.
+        Bound on the steps [s] of a solver that chooses them. Below the duration of a pulse, it prevents the solver from
+        stepping over that pulse.
     parameters
-        Values by path, numbers in SI or texts with a unit ("1 N/cm"); they never recompile a compiled model.
+        Values by path, as numbers in SI or strings with a unit ("1 N/cm"). They never recompile a compiled model.
     inputs
         The model's own inputs by name, and those that `free` has made. A number, with or without unit ("20 degC"), is
         constant. A function of time in s, a `TimeSeries`, `(times, values)`, rows `(time, value)`, "file.csv:column", a
         pandas Series and a `Result` (its signal of that name, or `(result, name)`) are followed within a tenth of the
         tolerance, relative to the mean size of their variation (docs/inputs.md). Inputs with a default may be left out.
     start
-        Start values of variables by path, in SI or with a unit, instead of the declared ones: they hold as `fixed`
-        does.
+        Start values of variables by path, in SI or with a unit. They replace the declared ones and hold like `fixed`.
     outputs
-        Names of variables: only what these depend on is simulated, as `compile(model, outputs=...)` says. For a
-        component; one whose contacts change its structure runs whole.
+        Names of variables: only the equations on which these depend are simulated (see `compile(model, outputs=...)`).
+        Only for components; components whose contacts change the structure are simulated completely.
     native
-        True compiles the equations to C, False interprets them; None uses what is compiled already, and compiles when
-        a run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted; results are the same.
+        True compiles the equations to C, False interprets them. None uses code that is already compiled, and compiles
+        if the run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted; results are the
+        same.
     force
-        True runs with a fixed step even where it is too large to be stable, which is refused otherwise (AC405).
+        True runs even with a fixed step that is too large to be stable, which is otherwise refused (AC405).
     progress
-        Called with the fraction done and the time reached.
+        Called with the completed fraction and the time reached [s].
 
     Raises
     ------
     AcausalError
-        `RunError.result` holds what was computed before a failure.
+        `RunError.result` holds the rows computed before a failure.
     KeyboardInterrupt
-        With a `result` attribute that holds what was computed.
+        Its attribute `result` holds the rows computed before the interrupt.
     """
     times = {"start_time": start_time, "stop_time": stop_time, "output_interval": output_interval, "step": step}
-    asked: dict[str, Any] = {**times, "max_step": max_step, "tolerance": tolerance, "solver": solver, "native": native}
+    settings: dict[str, Any] = {
+        **times,
+        "max_step": max_step,
+        "tolerance": tolerance,
+        "solver": solver,
+        "native": native,
+    }
     recipe = _recipe(model, parameters)
     if recipe is not None and accuracy is None:
-        chosen = options(type(recipe.model).experiment, **asked)
-        return Pieces(recipe, chosen, recipe.parameters, _piece(inputs, start, chosen, force), progress).result()
+        opts = options(type(recipe.model).experiment, **settings)
+        return Pieces(recipe, opts, recipe.parameters, _piece(inputs, start, opts, force), progress).result()
     compiled = _compiled(model, parameters, outputs if recipe is None else None, is_fixed=recipe is None)
     compiled = with_starts(compiled, start) if start else compiled
-    own = parameters if isinstance(model, CompiledModel) else None
+    values = parameters if isinstance(model, CompiledModel) else None
     if accuracy is not None:
-        more = {"parameters": own, "inputs": inputs, "force": force}
-        made: Result = provided("simulated_to_accuracy")(compiled, accuracy, asked, more, progress)
-        return made
-    result = _result(compiled, options(compiled.flat.experiment, **asked), own or {}, inputs or {}, progress, force)
-    remarks = unheard_parameters(compiled.flat, own) if own else ()
+        run_arguments = {"parameters": values, "inputs": inputs, "force": force}
+        result_to_accuracy: Result = provided("simulated_to_accuracy")(
+            compiled, accuracy, settings, run_arguments, progress
+        )
+        return result_to_accuracy
+    result = _result(
+        compiled, options(compiled.flat.experiment, **settings), values or {}, inputs or {}, progress, force
+    )
+    remarks = unheard_parameters(compiled.flat, values) if values else ()
     return _with_remarks(result, (*remarks, *_start_remarks(result, discrete_starts(compiled, start) if start else {})))
 
 
 def _start_remarks(result: Result, starts: Mapping[str, float]) -> list[str]:
-    """Notes on discrete variables that do not begin with the values that they were given.
+    """Notes on discrete variables that do not begin with their given start values.
 
-    Those of continuous variables hold like conditions (AC302). That of a discrete variable is its value *before* the
-    start, and its equations and clauses decide what follows from it.
+    A start value of a continuous variable is a condition that must hold (AC302). A start value of a discrete variable
+    is its value *before* the start, and its equations and `when` clauses determine the value at the start.
     """
     return [
-        f"{name} was given the start {value:g}, and begins with {result[name][0]:g}: its equations or an event at the "
-        "start say so"
+        f"{name} was given the start {value:g}, and begins with {result[name][0]:g}, as its equations or an event at "
+        "the start determine"
         for name, value in starts.items()
         if name in result and len(result.time) and result[name][0] != value
     ]
 
 
 def _with_remarks(result: Result, remarks: Sequence[str]) -> Result:
-    """The result with more notes, which the log tells too."""
+    """Add notes to the result, and write them to the log."""
     if not remarks:
         return result
     for remark in remarks:
@@ -149,49 +160,52 @@ def _result(
     progress: Progress | None,
     force: bool,
 ) -> Result:
-    """The run; where it fails because a pivot is lost, again with others, and where `auto` chose wrong, with IDAS.
+    """Run a compiled model.
 
-    Raises UsageError: AC029 for parameters for which the chosen states are no longer good.
+    A run that fails because a pivot vanishes is repeated with other pivots. A run that fails with the solver that
+    `auto` chose is repeated with IDAS.
+
+    Raises UsageError: AC029 for parameters for which the model would have other states.
     """
     p = parameter_vector(compiled, parameters)
     if parameters:
         _check_choices(compiled, p)
     given = given_inputs(compiled, inputs, chosen.start_time, chosen.stop_time, chosen.tolerances)
-    failed: tuple[float, IntegrationError] | None = None
+    first_failure: tuple[float, IntegrationError] | None = None
     tried = ""
-    for left in reversed(range(_MOST_FORMS)):
+    for attempts_left in reversed(range(_MOST_ATTEMPTS)):
         driven = with_driven(compiled, given.places) if given.places else compiled
         run = Run(driven, chosen, p.copy(), given, progress, force)
-        if failed is not None:
-            run.why = f"{tried}, which fits its size and structure, stopped at t = {failed[0]:g} s"
+        if first_failure is not None:
+            run.why = f"{tried}, which fits its size and structure, stopped at t = {first_failure[0]:g} s"
         try:
             return run.result()
         except IntegrationError as error:
-            if run.stopped is not None and failed is not None and failed[0] >= run.stopped.start:
-                raise failed[1] from None  # the other solver came no farther
-            if not left or run.recorder is None or run.stopped is None:
+            if run.stopped is not None and first_failure is not None and first_failure[0] >= run.stopped.start:
+                raise first_failure[1] from None  # IDAS came no farther
+            if not attempts_left or run.recorder is None or run.stopped is None:
                 raise
-            other = without_lost_pivots(run.recorder, run.stopped)
-            if other is not None:
-                _log.debug("%s: a divisor vanishes at t = %g s; begun again", compiled.name, run.stopped.start)
-                compiled = other
+            with_other_pivots = without_lost_pivots(run.recorder, run.stopped)
+            if with_other_pivots is not None:
+                _log.debug("%s: a divisor vanishes at t = %g s; restarted", compiled.name, run.stopped.start)
+                compiled = with_other_pivots
                 continue
-            # a slope that is undefined in one point, as that of fabs at 0, is nothing to a corrector that goes on
-            # until it has converged; a Rosenbrock step takes it for the Jacobian and is never small enough
+            # A derivative that is undefined at one point, like that of fabs at 0, does not harm the corrector of IDAS,
+            # which iterates to convergence. A Rosenbrock method relies on it as the Jacobian, and rejects every step.
             if chosen.solver != "auto" or run.solver.name not in ("rosenbrock", "erk"):
                 raise
             tried = run.solver.name
-            chosen, failed = replace(chosen, solver="idas"), (run.stopped.start, error)
+            chosen, first_failure = replace(chosen, solver="idas"), (run.stopped.start, error)
     raise AssertionError("the last attempt returns or raises")
 
 
 def _recipe(model: Component | CompiledModel, parameters: Mapping[str, object] | None) -> Recipe | None:
-    """What a model whose structure changes while it runs is compiled from; None for all others."""
+    """Return the recipe of a model whose structure changes during a run; None for all others."""
     if isinstance(model, CompiledModel):
         if model.recipe is None:
             return None
         if parameters:
-            parameter_vector(model, parameters)  # refuses what is wrong with them
+            parameter_vector(model, parameters)  # refuses invalid ones
         return replace(model.recipe, parameters={**model.recipe.parameters, **(parameters or {})})
     return Recipe(model, dict(parameters or {})) if changing(model) else None
 
@@ -202,7 +216,7 @@ def _check_choices(compiled: CompiledModel, p: Vector) -> None:
             "AC029",
             f"{compiled.name} has other states with these parameters than those it was compiled with",
             evidence=[f"its states: {', '.join(compiled.states[:6])}"],
-            cause="a constraint determines its variables with some values of its parameters, and not with others",
+            cause="whether a constraint determines its variables depends on the values of its parameters",
             help="compile it with these values: acausal.compile(model, parameters={...})",
         )
 
@@ -213,9 +227,9 @@ def _compiled(
     outputs: Sequence[str] | None,
     is_fixed: bool,
 ) -> CompiledModel:
-    """The model compiled; AC018 for outputs of one that has its own already.
+    """Compile the model; raises UsageError AC018 for outputs of a model that is already compiled.
 
-    `is_fixed`: no component changes its structure during a run, so that there is nothing to choose.
+    `is_fixed` says that no component changes its structure during a run, so that there is no structure to choose.
     """
     if not isinstance(model, CompiledModel):
         choices: dict[str, Choice] | None = {} if is_fixed and outputs is None else None
@@ -233,8 +247,8 @@ def _piece(
     whole: Options,
     force: bool,
 ) -> RunPiece:
-    """How one piece of a run of changing structure is run; `whole` are the options of all of it."""
-    known: dict[tuple[str, ...], Inputs] = {}
+    """Return the function that runs one piece of a run with changing structure; `whole` are the options of the run."""
+    inputs_of: dict[tuple[str, ...], Inputs] = {}
 
     def run(
         compiled: CompiledModel,
@@ -245,14 +259,14 @@ def _piece(
         sources: tuple[Source, ...],
         report: Progress | None,
     ) -> Result:
-        if compiled.inputs not in known:
+        if compiled.inputs not in inputs_of:
             span = whole.start_time, whole.stop_time
-            known[compiled.inputs] = given_inputs(compiled, inputs or {}, *span, whole.tolerances)
-        given, p = known[compiled.inputs], parameter_vector(compiled, {})
+            inputs_of[compiled.inputs] = given_inputs(compiled, inputs or {}, *span, whole.tolerances)
+        given, p = inputs_of[compiled.inputs], parameter_vector(compiled, {})
         if start is None:
             compiled = with_starts(compiled, starts or {})
         driven = with_driven(compiled, given.places) if given.places else compiled
-        made = Run(driven, opts, p, given, report, force, start, outputs, opening, sources=sources)
-        return made.start() if start is None else made.result()
+        piece = Run(driven, opts, p, given, report, force, start, outputs, opening, sources=sources)
+        return piece.start() if start is None else piece.result()
 
     return run

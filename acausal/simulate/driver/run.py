@@ -44,7 +44,7 @@ from acausal.simulate.record.meeting.singular import singular_positions
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
 from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
-from acausal.simulate.solvers import Solver, choose, share_of
+from acausal.simulate.solvers import Solver, choose, tolerance_fraction
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 from acausal.simulate.start.initialize import Start, consistent, initialize
 from acausal.simulate.step_limit.externals import note_on_externals
@@ -172,7 +172,7 @@ class Run:
         self.problem = Problem(self.compiled, self.p, self.u, opts.native)
         self.tables = self._tables()
         bends = self.solver.multistep and self.tables.are_dense
-        self.tolerances = opts.tolerances.scaled(share_of(self.compiled, self.solver, opts.tolerance, bends))
+        self.tolerances = opts.tolerances.scaled(tolerance_fraction(self.compiled, self.solver, opts.tolerance, bends))
         began = seconds()
         instants = self.instants()
         m = self.modes(instants[0], instants[1])
@@ -301,7 +301,7 @@ class Run:
         opts, model, none = self.options, part.model, np.zeros(0)
         problem = Problem(model, part.p(self.p, self.u), none, opts.native)
         solver, self.why = choose(model, opts.solver, None)
-        tolerances = opts.tolerances.scaled(share_of(model, solver, opts.tolerance))
+        tolerances = opts.tolerances.scaled(tolerance_fraction(model, solver, opts.tolerance))
         recorder = Recorder(model, problem.p, none, self.most_moved())
         own = replace(template, x=template.x[part.states], z=none, p=template.p[part.modes], tolerances=tolerances)
 

@@ -1,4 +1,4 @@
-"""The solvers by name; one file each, all through the interface of `base.py`."""
+"""The solvers by name, and the choice between them; one file per solver, each with the interface of `base.py`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.arguments import arguments
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import SMOOTH_SHARE, TOLERANCE_SHARE
+from acausal.simulate.solvers.base import SMOOTH_FRACTION, TOLERANCE_FRACTION
 from acausal.simulate.solvers.cvodes import Cvodes
 from acausal.simulate.solvers.erk import Erk
 from acausal.simulate.solvers.fixed import Collocation, Rk, Rk2
@@ -30,7 +30,7 @@ class Solver(Protocol):
     native: str
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
-        """Solve one segment; RuntimeError when it cannot go on."""
+        """Solve one segment; raises RuntimeError if the integration cannot continue."""
         ...
 
 
@@ -38,26 +38,26 @@ _ALL: tuple[Any, ...] = (Idas, Rosenbrock, Cvodes, Erk, Collocation, Rk, Rk2)
 SOLVERS: dict[str, type[Solver]] = {s.name: s for s in _ALL}
 
 
-# States up to which a method that needs no start-up goes through the stretches of a delay faster than BDF.
-_FEW = 200
-# Breaks of inputs over time from which they decide.
-_MANY = 50
-# Unknowns up to which a method of order 5 with a factorisation a step is affordable everywhere; BDF ends a hundred
-# times farther off where errors are not damped (docs/accuracy.md).
-_SMALL = 100
-# The smallest tolerance that a solver gets; below it steps are ruled by rounding.
-_FINEST = 1e-13
+# Up to this many states a one-step method, which restarts at no cost, integrates models with delays faster than BDF.
+_FEW_STATES = 200
+# From this many breaks in the inputs on, the cost of restarting decides the choice of the solver.
+_MANY_BREAKS = 50
+# Up to this many unknowns a method of order 5 with one factorisation per step is affordable for any model. Where errors
+# are not damped, the end error of BDF is a hundred times as large (docs/accuracy.md).
+_SMALL_SIZE = 100
+# The smallest tolerance passed to a solver; below it rounding errors determine the step size.
+_FINEST_TOLERANCE = 1e-13
 
 
 def solver_named(name: str) -> Solver:
-    """The solver of this name; UsageError AC032 lists the known ones."""
+    """Return the solver of this name; raises UsageError AC032, which lists the available ones."""
     if name not in SOLVERS:
         raise UsageError("AC032", f"there is no solver '{name}'", help=f"solvers: auto, {', '.join(SOLVERS)}")
     return SOLVERS[name]()
 
 
 def choose(compiled: CompiledModel, wanted: str, step: float | None, breaks: int = 0) -> tuple[Solver, str]:
-    """The solver for `wanted`, and why; "auto" decides by structure, and by the number of breaks of its inputs."""
+    """Return the solver for `wanted`, and the reason; "auto" decides by structure and by the number of input breaks."""
     if wanted != "auto":
         return solver_named(wanted), "as asked for"
     if step is not None:
@@ -65,22 +65,22 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None, breaks: int
     events = compiled.state_events
     states = len(compiled.continuous)
     kind = f"{'a DAE' if compiled.algebraic else 'an ODE'} of {states} state{'s' if states != 1 else ''}"
-    # a one-step method starts again after an event at no cost (docs/devdocs/events.md)
+    # a one-step method restarts after an event at no cost (docs/devdocs/events.md)
     if (events.relations or events.samples) and not compiled.algebraic and compiled.n_dynamic:
-        if compiled.n_dynamic > _SMALL and is_never_stiff(compiled):
+        if compiled.n_dynamic > _SMALL_SIZE and is_never_stiff(compiled):
             return solver_named(
                 "erk"
-            ), f"{kind} with events of its variables, no state acts back on itself: never stiff"
+            ), f"{kind} with events of its variables in which no state acts back on itself: never stiff"
         return solver_named("rosenbrock"), f"{kind} with events of its variables"
-    if compiled.delays and not compiled.algebraic and len(compiled.states) <= _FEW:
-        return solver_named("rosenbrock"), f"{kind} with delays: many fresh starts"
-    if breaks > _MANY and not compiled.algebraic and 0 < compiled.n_dynamic <= _FEW:
-        return solver_named("rosenbrock"), f"an ODE with inputs that break {breaks} times: many fresh starts"
+    if compiled.delays and not compiled.algebraic and len(compiled.states) <= _FEW_STATES:
+        return solver_named("rosenbrock"), f"{kind} with delays: many restarts"
+    if breaks > _MANY_BREAKS and not compiled.algebraic and 0 < compiled.n_dynamic <= _FEW_STATES:
+        return solver_named("rosenbrock"), f"an ODE whose inputs have {breaks} breaks: many restarts"
     size = compiled.n_dynamic + len(compiled.algebraic)
-    # its error test includes iterated variables, and those of closed loops are noise where a loop comes to an end of
-    # its way: it stops there (EngineV6, Fourbar1), IDAS does not, and holds the tolerance
+    # Rosenbrock's error test includes the algebraic variables. Those of a closed loop are noise where the loop reaches
+    # a dead centre, and the solver stops there (EngineV6, Fourbar1); IDAS continues and keeps the tolerance.
     is_loop = bool(compiled.algebraic) and bool(compiled.solution.structure.invariants)
-    if is_smooth(compiled) and compiled.n_dynamic and size <= _SMALL and not is_loop:
+    if is_smooth(compiled) and compiled.n_dynamic and size <= _SMALL_SIZE and not is_loop:
         return solver_named(
             "rosenbrock"
         ), f"{kind} without events of its variables, small enough for a method of order 5"
@@ -90,9 +90,9 @@ def choose(compiled: CompiledModel, wanted: str, step: float | None, breaks: int
 def is_never_stiff(compiled: CompiledModel) -> bool:
     """Whether the structure shows that no Newton matrix is needed: an ODE in which no state acts back on itself.
 
-    The slopes of the rates can be sorted into a strict triangle, so their eigenvalues are zero wherever the run goes
-    and in all modes, as for shafts whose friction does not depend on the speed. Not so where functions are steep
-    (`suits_event_loop`), and not with delays, through which a state acts on itself later.
+    The Jacobian of the rates can be permuted to a strictly triangular matrix. Its eigenvalues are then zero at every
+    point and in every mode, as for shafts whose friction does not depend on the speed. This excludes models with steep
+    functions (`arguments`), and those with delays, through which a state acts on itself later.
     """
     n = compiled.n_dynamic
     if compiled.algebraic or compiled.delays or arguments(compiled) is not None:
@@ -103,23 +103,28 @@ def is_never_stiff(compiled: CompiledModel) -> bool:
 
 
 def is_smooth(compiled: CompiledModel) -> bool:
-    """Whether nothing but time interrupts a run: no events of variables, no delays."""
+    """Whether only events of time can interrupt a run: the model has no state events and no delays."""
     return compiled.state_events.are_silent and not compiled.delays
 
 
-def share_of(compiled: CompiledModel, solver: Solver, tolerance: float, bends: bool = False) -> float:
-    """The share of a tolerance that a solver gets for its local errors.
+def tolerance_fraction(compiled: CompiledModel, solver: Solver, tolerance: float, bends: bool = False) -> float:
+    """Return the fraction of a tolerance that a solver gets for its local errors.
 
-    BDF with stabilised constraints gets the small one in any case: on closed loops it ends 30 to 100 times farther off
-    than its local errors, one-step methods do not (measured). Along undamped motions these end ten times as far off as
-    without the constraint (a body after 1600 turns 20 tolerances, an oscillator after 1000 periods 2): they get a
-    quarter, but for closed loops of joints, whose rounding is as large: runs crawl there. Where a solver `bends` with
-    the rows of a table of time all along, what it loses at each of them adds up as well; so does what it loses where it
-    starts again at the stretches of a delay, which the delay brings back besides.
+    Runs without interruptions get `SMOOTH_FRACTION`, because their errors accumulate from start to end. Three other
+    cases get it too:
+
+    - BDF with stabilised constraints: on closed loops its end error is 30 to 100 times its local error, which is not
+      so for one-step methods (measured).
+    - Runs with `bends`: a table over time bends the solution at row after row, and the errors at the rows add up.
+    - BDF with delays: the errors of its restarts add up, and the delay feeds them back.
+
+    With stabilised constraints, one-step methods along undamped motions have ten times the end error that they have
+    without (a body after 1600 turns 20 tolerances, an oscillator after 1000 periods 2), so they get a quarter of the
+    fraction. Closed loops of joints are exempt: rounding errors there are as large as that quarter, and steps collapse.
     """
     is_stabilised = bool(compiled.solution.structure.invariants)
     is_long = is_smooth(compiled) or bends or (solver.multistep and (is_stabilised or bool(compiled.delays)))
-    share = SMOOTH_SHARE if is_long else TOLERANCE_SHARE
+    fraction = SMOOTH_FRACTION if is_long else TOLERANCE_FRACTION
     if is_stabilised and is_smooth(compiled) and not solver.multistep and not compiled.flat.loops:
-        share /= 4.0
-    return min(TOLERANCE_SHARE, max(share, _FINEST / tolerance))
+        fraction /= 4.0
+    return min(TOLERANCE_FRACTION, max(fraction, _FINEST_TOLERANCE / tolerance))

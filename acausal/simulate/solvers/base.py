@@ -1,18 +1,22 @@
-"""What a solver must do, and what the solvers that CasADi ships share.
+"""The interface of a solver, and the base class of the solvers that CasADi ships.
 
 A solver is a class with
 
-1. `name`, as the user writes it, and `plugin`, CasADi's;
+1. `name`, as the user writes it, and `plugin`, CasADi's name;
 2. `algebraic`: whether it takes algebraic variables; otherwise they are eliminated before it sees the problem;
-3. `fixed_step`: whether it needs a step, and `native`: what of it can run as compiled C; `impatient`: whether it takes
-   what is nearer than a nanosecond as reached; `multistep`: whether it starts anew with tiny steps; `interpolates`:
-   whether it has to be stopped at its outputs, as what it tells between its steps is less accurate than they are;
-   `careless`: whether it does not notice equations without a finite value; `explicit`: whether it needs no slopes of
-   the rates;
+3. properties that decide how it is called:
+   `fixed_step`, whether it needs a step size;
+   `native`, which part of it can run as compiled C;
+   `multistep`, whether it restarts with tiny steps;
+   `explicit`, whether it needs no Jacobian of the rates;
+   `interpolates`, whether it must be stopped at its output times, because its interpolant between steps is less
+   accurate than the steps;
+   `merges_close_outputs`, whether it treats an output time less than a nanosecond away as reached;
+   `accepts_nan`, whether it does not notice equations without a finite value;
 4. `settings(problem, segment)`: CasADi's options for one segment;
-5. `integrate(problem, segment) -> Piece`, which raises RuntimeError when it cannot go on.
+5. `integrate(problem, segment) -> Piece`, which raises RuntimeError if the integration cannot continue.
 
-A segment is a stretch of time without events: the right-hand side is smooth in it, its start is consistent.
+A segment is an interval of time without events: the right-hand side is smooth in it, and its start is consistent.
 """
 
 from __future__ import annotations
@@ -40,22 +44,22 @@ from acausal.simulate.record.islands import integrals
 from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.solvers.step_by_step import step_by_step
 
-TOLERANCE_SHARE = 0.1
-"""Share of the tolerance that solvers get for their local errors: end errors are about ten times as large.
+TOLERANCE_FRACTION = 0.1
+"""Fraction of the tolerance that solvers get for their local errors: end errors are about ten times as large.
 
 On `ThickBlock` at 1e-8 IDAS pays 40 % more steps and gains a factor of 40 in the depth at 40 s; methods of order 5 pay
 1.6 times the steps, and every published initial value problem ends below ten times the tolerance (docs/ivp-table.md).
 """
 
-SMOOTH_SHARE = 0.01
-"""The share in runs without events, in which errors add up from the first instant to the last.
+SMOOTH_FRACTION = 0.01
+"""The fraction in runs without events, in which errors add up from the first instant to the last.
 
-End errors are proportional to the share, steps to its fifth root: 1.5 times as many, measured with BDF and with methods
-of order 5 alike (docs/accuracy.md).
+End errors are proportional to the fraction, and the number of steps to its inverse fifth root: 1.5 times as many,
+measured both with BDF and with methods of order 5 (docs/accuracy.md).
 """
 
 MOST_STEPS = 10**6
-"""Steps between two output times of a one-step method: what a long run may need."""
+"""Largest number of steps of a one-step method between two output times, as large as a long run may need."""
 
 
 class CasadiSolver:
@@ -65,10 +69,10 @@ class CasadiSolver:
     plugin: ClassVar[str]
     algebraic: ClassVar[bool] = False
     fixed_step: ClassVar[bool] = False
-    impatient: ClassVar[bool] = False
+    merges_close_outputs: ClassVar[bool] = False
     multistep: ClassVar[bool] = False
     interpolates: ClassVar[bool] = False
-    careless: ClassVar[bool] = False
+    accepts_nan: ClassVar[bool] = False
     explicit: ClassVar[bool] = False
     native: ClassVar[Literal["nothing", "equations", "integrator"]] = "nothing"
 
@@ -77,7 +81,7 @@ class CasadiSolver:
         raise NotImplementedError
 
     def units(self, problem: Problem, segment: Segment) -> Vector | None:
-        """What to divide scaled algebraic variables by in this segment, shape (nz,); None for nothing."""
+        """Return divisors of the scaled algebraic variables in this segment, shape (nz,), or None to leave them."""
         return None
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
@@ -88,7 +92,7 @@ class CasadiSolver:
 
     def _integrated(self, problem: Problem, segment: Segment) -> Piece:
         if problem.n_dynamic == 0:
-            # no plugin takes a problem without states: its algebraic variables are a function of time
+            # no plugin takes a problem without states, whose algebraic variables are a function of time
             x = unmoved(problem, segment)
             if not problem.compiled.algebraic:
                 return Piece(x, problem.solve_algebraic(segment, x), {})
@@ -104,8 +108,8 @@ class CasadiSolver:
             raise
 
     def _piece(self, problem: Problem, segment: Segment, scaled_x: Vector, scaled_z: Vector, stats: Any) -> Piece:
-        """What was solved, in the units of the model and complete."""
-        # 10 000 states at 500 outputs are not copied for nothing: new memory takes as long as their integration
+        """Convert a solution to the units of the model, and add the variables that were not integrated."""
+        # Without scaling there is no copy: with 10 000 states and 500 outputs it takes as long as the integration.
         x = scaled_x.T if (problem.scale_x == 1.0).all() else scaled_x.T * problem.scale_x[:, None]
         stopped = str(stats.get("stopped", ""))
         if not np.isfinite(x).all():
@@ -115,7 +119,7 @@ class CasadiSolver:
                 raise RuntimeError(stopped)
             x, scaled_z = x[:, :count], scaled_z[:count]
             segment = replace(segment, times=segment.times[:count])
-        x = _whole(problem, segment, x)
+        x = _all_states(problem, segment, x)
         if self.algebraic:
             z = scaled_z.T * problem.scale_z[:, None]
             z = on_equations(problem, segment, x, z)
@@ -124,39 +128,46 @@ class CasadiSolver:
         return Piece(x, z, counted(stats), stopped)
 
     def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
-        """Scaled states, shape (n, nx), and algebraic variables at the output times, and the solver's statistics."""
+        """Return scaled states, shape (n, nx), algebraic variables, (n, nz), at the output times, and statistics."""
         settings = self.settings(problem, segment)
         grid = segment.times - segment.start
         x0, z0 = segment.x[: problem.n_dynamic] / problem.scale_x, segment.z / problem.scale_z
-        native, own = problem.native, (segment.p, segment.x, segment.start)
+        native, point = problem.native, (segment.p, segment.x, segment.start)
         dae: Any = None
         p: Vector | None = None
         library: Library[Any] | None = None
-        # a rootfinder inside the right-hand side stays interpreted
+        # a right-hand side that contains a rootfinder stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         units = self.units(problem, segment)
-        unit = unit_of_time(segment.start, segment.times) if self.impatient and segment.shares is None else 1.0
+        unit = (
+            unit_of_time(segment.start, segment.times) if self.merges_close_outputs and segment.shares is None else 1.0
+        )
         if unit != 1.0:
             dae = problem.scaled.slowed(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
         elif kind == "integrator" and not segment.partial and segment.step_budget is None:
-            whole = native.integrator(self.plugin, settings)
-            if whole is not None:
+            compiled_integrator = native.integrator(self.plugin, settings)
+            if compiled_integrator is not None:
                 units = np.ones(len(z0)) if units is None else units
-                p = np.concatenate([whole.vector(problem.p, problem.u, problem.numbers(*own)), units])
+                p = np.concatenate([compiled_integrator.vector(problem.p, problem.u, problem.numbers(*point)), units])
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
-                x, z, stats = whole.run(x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first)
+                x, z, stats = compiled_integrator.run(
+                    x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first
+                )
                 return x, z * units, stats
         elif kind == "equations":
             library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
             if library is not None:
-                dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*own))
-        equations, more, p = problem.scaled, {}, problem.vector(*own) if p is None else p
+                dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*point))
+        equations, call_arguments, p = problem.scaled, {}, problem.vector(*point) if p is None else p
         if self.interpolates:
-            dae, more = equations.halting_dae if self.algebraic else equations.halting_ode, {"u": controls(len(grid))}
-        elif self.careless:
+            dae, call_arguments = (
+                equations.halting_dae if self.algebraic else equations.halting_ode,
+                {"u": controls(len(grid))},
+            )
+        elif self.accepts_nan:
             dae = equations.limited_dae
-        elif dae is None:  # a compiled integrator does without
+        elif dae is None:  # not taken from a compiled library
             dae = equations.dae if self.algebraic else equations.ode
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
@@ -164,23 +175,25 @@ class CasadiSolver:
             dae, z0, p = equations.measured(dae), z0 / units, np.concatenate([p, units])
         if segment.shares is not None:
             dae = equations.stretched(dae) if library is None else dae
-            settings, grid = in_shares(segment, settings), UNIT * segment.shares
+            settings, grid = in_relative_time(segment, settings), UNIT * segment.shares
         order, began = None, seconds()
         if self.multistep:
             settings = {**settings, "linear_solver": "qr"}
-            # what is compiled is small, and a wrapped library has no derivatives; a rootfinder's are not sparse
+            # Compiled models are small, and a wrapped library has no derivatives; those of a rootfinder are not sparse.
             if library is None and (self.algebraic or not problem.compiled.algebraic):
                 order = equations.factorisation
         if order is not None:
             dae, settings, (x0, z0) = equations.reordered(dae, order), order.settings(settings), order.there(x0, z0)
-        may, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
-        integrator = equations.integrator(self.plugin, dae, grid, settings, native=may, by_columns=may and by_columns)
-        making = seconds() - began
+        may_compile, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
+        integrator = equations.integrator(
+            self.plugin, dae, grid, settings, native=may_compile, by_columns=may_compile and by_columns
+        )
+        seconds_to_make = seconds() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         if segment.shares is not None:
             arguments["p"] = np.append(arguments["p"], segment.length)
         try:
-            (x, z), stats = integrator({**arguments, **more}, ("xf", "zf"), partial=segment.partial)
+            (x, z), stats = integrator({**arguments, **call_arguments}, ("xf", "zf"), partial=segment.partial)
         except Interrupted as stop:
             stop.rows = order.back(*stop.rows) if stop.rows and order is not None else stop.rows
             if stop.rows and units is not None:
@@ -188,15 +201,15 @@ class CasadiSolver:
             raise
         x, z = (x, z) if order is None else order.back(x, z)
         z = z if units is None else z * units
-        reused = equations.reused(self.plugin, dae, may)
+        reused = equations.reused(self.plugin, dae, may_compile)
         if reused is not None:
             stats["n_jac"] = reused.evaluations
         native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
-        return x, z, {**stats, "making": making}
+        return x, z, {**stats, "making": seconds_to_make}
 
 
 def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Vector:
-    """Algebraic variables at the output times, put onto their equations; RuntimeError where they are not near them."""
+    """Correct algebraic variables at the output times by their equations; RuntimeError if these are far from met."""
     if not z.size:
         return z
     numbers = problem.u, problem.p, segment.p
@@ -204,21 +217,21 @@ def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Ve
 
 
 def program(problem: Problem, solver: object, segment: Segment) -> Library[EventLoopProgram] | None:
-    """The solver as compiled C for problems without algebraic variables, where there is one or it pays to make one."""
+    """Return the solver as compiled C, or None: for ODEs only, and if the code exists or is worth compiling."""
     if not isinstance(solver, CasadiSolver) or solver.native != "integrator" or problem.compiled.algebraic:
         return None
     return problem.native.integrator(solver.plugin, solver.settings(problem, segment))
 
 
 def islands(problem: Problem, segment: Segment) -> Vector:
-    """Integrals of time that act on nothing, at the output times; shape (nq, n)."""
+    """Quadratures (integrals of functions of time that act on nothing) at the output times; shape (nq, n)."""
     if not problem.compiled.quadratures:
         return np.zeros((0, len(segment.times)))
-    own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
+    quadratures = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
     only = np.zeros(len(segment.times), dtype=np.int64)
     modes, discrete = segment.p[None, :], segment.x[None, len(segment.x) - problem.compiled.discretes :]
     grown = growth(problem, np.array([segment.start]), segment.times, only, modes, discrete, segment)
-    return np.asarray(segment.x[own, None] + grown)
+    return np.asarray(segment.x[quadratures, None] + grown)
 
 
 def growth(
@@ -230,7 +243,7 @@ def growth(
     discrete: Vector,
     accuracy: Segment,
 ) -> Vector:
-    """What these integrals grow by from the start of k stretches to n instants; shape (nq, n).
+    """Increments of the quadratures from the start of k stretches to n instants; shape (nq, n).
 
     `starts`, `times` and `stretches` are those of `integrals`; `modes` and `discrete` are the values in each stretch,
     shapes (k, nm) and (k, nd).
@@ -247,10 +260,10 @@ def growth(
     return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances, breaks))
 
 
-def _whole(problem: Problem, segment: Segment, x: Vector) -> Vector:
-    """All states at the output times: those of the coupled system, integrals that act on nothing, discrete variables.
+def _all_states(problem: Problem, segment: Segment, x: Vector) -> Vector:
+    """Return all states at the output times: those of the coupled system, quadratures, and discrete variables.
 
-    Between looks nobody asks for the integrals, which are as they were at the start then.
+    On a relative grid (`Segment.shares`), which only serves to locate events, quadratures keep their start values.
     """
     n, nq = problem.n_dynamic, problem.compiled.quadratures
     if len(segment.x) == n:
@@ -263,17 +276,17 @@ def _whole(problem: Problem, segment: Segment, x: Vector) -> Vector:
 
 
 def unmoved(problem: Problem, segment: Segment) -> Vector:
-    """Discrete variables at the output times; shape (nd, n)."""
+    """Discrete variables, which stay constant, at the output times; shape (nd, n)."""
     return np.tile(segment.x[len(segment.x) - problem.compiled.discretes :, None], (1, len(segment.times)))
 
 
 def bounded(segment: Segment) -> dict[str, float]:
-    """The option that bounds the step, where a bound is wanted."""
+    """The option that bounds the step, if the segment has a bound."""
     return {} if segment.max_step is None else {"max_step_size": segment.max_step}
 
 
 def stepping(segment: Segment, most: int = MOST_STEPS) -> dict[str, Any]:
-    """The options of a one-step method for the number of its steps, `most` where nothing is said, and their size."""
+    """The options of a one-step method for the size and the number of its steps, by default `most`."""
     if segment.step:
         return {"max_num_steps": MOST_STEPS, **bounded(segment), "step_size": segment.step}
     given = segment.partial or segment.step_budget
@@ -283,14 +296,14 @@ def stepping(segment: Segment, most: int = MOST_STEPS) -> dict[str, Any]:
 def beginning(segment: Segment) -> dict[str, float]:
     """The option for the first step of a one-step method.
 
-    CasADi's own estimate is 1e-6 where the states or their rates are near zero: ten steps to grow from that at every
-    event. The mean step of the stretch before is tried instead; where it is too long it is rejected.
+    CasADi's own estimate is 1e-6 if the states or their rates are near zero, from which the step takes ten steps to
+    grow after every event. The mean step of the previous stretch is tried instead; if it is too long, it is rejected.
     """
     return {"step0": segment.first} if segment.first > 0.0 and not segment.step else {}
 
 
-def in_shares(segment: Segment, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings for a time from 0 to `UNIT`; few different ones, as each makes another integrator."""
+def in_relative_time(segment: Segment, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Convert the settings to a time from 0 to `UNIT`, rounded to few values: each needs its own integrator."""
     found = {name: value for name, value in settings.items() if name not in ("step0", "max_step_size")}
     if segment.max_step is not None:
         found["max_step_size"] = UNIT / max(1, math.ceil(segment.length / segment.max_step - 1e-9))
@@ -300,22 +313,22 @@ def in_shares(segment: Segment, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def pace(start: float, end: float, counters: Mapping[str, float]) -> float:
-    """The mean step between two instants, 0 when it is not known."""
+    """The mean step between two instants, 0 if the number of steps is not known."""
     steps = counters.get("steps", 0.0)
     return (end - start) / steps if steps > 0.0 else 0.0
 
 
-# What the solvers call it.
+# The solvers' names for the number of evaluations of the right-hand side.
 _EVALUATIONS = "nfevals", "n_rhs", "n_call_daeF"
 
 
 def counted(stats: Mapping[str, Any]) -> dict[str, float]:
-    """The solver's own counters under common names."""
-    return {name: float(stats[key]) for key, name in _COUNTED.items() if key in stats}
+    """Translate a solver's counters to common names."""
+    return {name: float(stats[key]) for key, name in _COUNTER_NAMES.items() if key in stats}
 
 
-# Of each solver's names what they are called here; where several of a call are there, the last of them counts.
-_COUNTED = {
+# The common name of each solver's counters; if a solver reports several of the same, the last one listed counts.
+_COUNTER_NAMES = {
     "n_steps": "steps",
     "nsteps": "steps",
     **dict.fromkeys(reversed(_EVALUATIONS), "rhs_evaluations"),
@@ -325,33 +338,33 @@ _COUNTED = {
     "n_reject": "rejected",
     "netfails": "rejected",
     "nncfails": "newton_failures",
-    # seconds; CasADi freezes the output times in an integrator, so each segment makes its own
+    # in seconds; an integrator of CasADi has fixed output times, so each segment builds its own
     "making": "making",
 }
 
 
-# CasADi's interfaces to IDAS and CVODES return what they have when the next output is less than this far [s] from the
-# last one (`ttol` in `casadi/interfaces/sundials/{idas,cvodes}_interface.cpp`, 3.8.2): a circuit simulated over 5 ns
-# would never leave its start. So time has another unit there.
-_REACHED = 1e-9
-# In the other unit the shortest distance is this long: far from what counts as reached, and still short.
-_SHORTEST = 1e-6
-# Distances of so few roundings of the time are none.
-_ROUNDINGS = 8
+# CasADi's interfaces to IDAS and CVODES do not integrate if the next output is less than this time [s] after the last
+# one (`ttol` in `casadi/interfaces/sundials/{idas,cvodes}_interface.cpp`, 3.8.2): a circuit simulated over 5 ns would
+# never leave its start. Such segments are integrated with time in a smaller unit.
+_MERGED = 1e-9
+# The shortest distance between outputs in that unit: far above `_MERGED`, and still short.
+_SHORTEST_SCALED = 1e-6
+# Outputs closer than this many units of rounding of the time count as one.
+_ROUNDING_UNITS = 8
 
 
 def unit_of_time(start: float, times: Vector) -> float:
-    """The unit [s] in which all outputs are far enough from each other: 1, if they are so already."""
+    """The unit [s] in which all outputs are far enough apart, 1 if they are so in seconds."""
     gaps = np.diff(times, prepend=start)
-    real = gaps[gaps > _ROUNDINGS * np.spacing(max(abs(start), abs(float(times[-1]))))]
-    if not len(real) or real.min() > 2.0 * _REACHED:
+    distinct = gaps[gaps > _ROUNDING_UNITS * np.spacing(max(abs(start), abs(float(times[-1]))))]
+    if not len(distinct) or distinct.min() > 2.0 * _MERGED:
         return 1.0
-    # powers of ten, so that the equations in a unit are made once
-    return float(10.0 ** np.floor(np.log10(real.min() / _SHORTEST)))
+    # a power of ten, so that few units occur and the equations in each are built once
+    return float(10.0 ** np.floor(np.log10(distinct.min() / _SHORTEST_SCALED)))
 
 
 def in_unit(unit: float, settings: dict[str, Any]) -> dict[str, Any]:
-    """An integrator's settings with time in another unit [s]."""
+    """Convert the settings of an integrator to another unit of time [s]."""
     changed = dict(settings)
     if "init_xdot" in settings:
         changed["init_xdot"] = [unit * rate for rate in settings["init_xdot"]]

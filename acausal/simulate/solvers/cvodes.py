@@ -14,7 +14,7 @@ class Cvodes(CasadiSolver):
 
     name = "cvodes"
     plugin = "cvodes"
-    impatient = True
+    merges_close_outputs = True
     multistep = True
     native = "equations"
 
@@ -23,7 +23,7 @@ class Cvodes(CasadiSolver):
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
             "max_num_steps": segment.most_steps,
-            # a line for each step below rounding, before the run ends and says why
+            # CVODES would print a line for each step below rounding before the run ends and reports the reason
             "disable_internal_warnings": True,
             **bounded(segment),
             **(beginning(segment) if segment.partial else {}),

@@ -1,4 +1,4 @@
-"""CasADi's explicit Runge-Kutta integrator: the pair 5(4), adaptive or with fixed steps."""
+"""CasADi's explicit Runge-Kutta integrator: a 5(4) pair with adaptive or fixed steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Integrators with fixed steps: CasADi's `rk` (order 4) and `collocation` (Radau), and Heun's second order method."""
+"""Integrators with fixed steps: CasADi's `rk` (order 4) and `collocation` (Radau), and Heun's second-order method."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.solvers.base import CasadiSolver, islands, unmoved
 from acausal.simulate.solvers.segment import Piece, Segment
 
-# Way of a state in a step, by its size, without which it may stay as it is.
+# If a state is predicted to change by more than this in a step, relative to its size, an unchanged result is a failure.
 _MOVED = 1e-9
 
 
 def step_of(segment: Segment, solver: str) -> float:
-    """The step, or UsageError AC031 when none was given."""
+    """Return the step; raises UsageError AC031 if none was given."""
     if segment.step is None:
         raise UsageError("AC031", f"solver '{solver}' has fixed steps and needs one", help="step=1e-3, or --step 1ms")
     return segment.step
 
 
 def elements(segment: Segment, solver: str) -> int:
-    """CasADi's number of finite elements over the segment for the wanted step.
+    """Return CasADi's number of finite elements over the segment for the given step.
 
-    CasADi makes steps of it between every two outputs, rounded up: one element too many doubles their number where
-    outputs are a step apart.
+    CasADi distributes the elements over the intervals between outputs and rounds up in each of them: if outputs are one
+    step apart, a single element too many doubles the number of steps.
     """
     step, intervals = step_of(segment, solver), np.diff(segment.times, prepend=segment.start)
     span = float(segment.times[-1]) - segment.start
-    few = max(1, math.floor(span / step + 1e-9))
-    if few == 1:
+    count = max(1, math.floor(span / step + 1e-9))
+    if count == 1:
         return max(1, math.ceil(span / step - 1e-9))
-    longest = np.max(intervals / np.maximum(1.0, np.ceil(intervals * few / span - 1e-9)))
-    return few if longest <= step * (1 + 1e-9) else math.ceil(span / step - 1e-9)
+    longest = np.max(intervals / np.maximum(1.0, np.ceil(intervals * count / span - 1e-9)))
+    return count if longest <= step * (1 + 1e-9) else math.ceil(span / step - 1e-9)
 
 
 class Rk(CasadiSolver):
@@ -56,13 +56,13 @@ class Rk(CasadiSolver):
 
 
 class Collocation(CasadiSolver):
-    """Radau IIA of order 5: implicit, L-stable, the transcription that optimal control uses."""
+    """Radau IIA of order 5: implicit and L-stable; optimal control uses the same transcription."""
 
     name = "collocation"
     plugin = "collocation"
     algebraic = True
     fixed_step = True
-    careless = True
+    accepts_nan = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         return {
@@ -70,25 +70,28 @@ class Collocation(CasadiSolver):
             "collocation_scheme": "radau",
             "interpolation_order": 3,
             "rootfinder": "newton",
-            # a step that Newton's method does not solve is none
+            # a step on which Newton's method fails is an error
             "rootfinder_options": {"error_on_fail": True, "max_iter": 100, "show_eval_warnings": False},
         }
 
     def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
-        """As of every plugin; RuntimeError where a singular slope made nan of Newton's step, which CasADi takes."""
+        """Like the base class, but raises RuntimeError where a singular Jacobian left the states unchanged.
+
+        Newton's step is then nan, and CasADi accepts it as converged.
+        """
         x, z, stats = super()._solved(problem, segment)
-        begun = segment.x[: problem.n_dynamic] / problem.scale_x
-        if np.array_equal(x[0], begun):
+        x0 = segment.x[: problem.n_dynamic] / problem.scale_x
+        if np.array_equal(x[0], x0):
             numbers = problem.vector(segment.p, segment.x, segment.start)
-            rates = problem.scaled.buffered(segment.start, begun, segment.z / problem.scale_z, numbers, [])[0]
+            rates = problem.scaled.buffered(segment.start, x0, segment.z / problem.scale_z, numbers, [])[0]
             way = np.abs(rates) * (float(segment.times[0]) - segment.start)
-            if (way > _MOVED * (1.0 + np.abs(begun))).any():
+            if (way > _MOVED * (1.0 + np.abs(x0))).any():
                 raise RuntimeError("CONV_FAIL: the equations of a step are singular")
         return x, z, stats
 
 
 class Rk2:
-    """Heun's method, the paper's Rkfix2; all steps run inside CasADi (`mapaccum`), not in a Python loop."""
+    """Heun's method (Rkfix2 in the paper); all steps run inside CasADi (`mapaccum`), not in a Python loop."""
 
     name = "rk2"
     algebraic = False
@@ -98,7 +101,7 @@ class Rk2:
     native = "nothing"
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
-        """Equal steps within each output interval, none longer than the wanted one."""
+        """Solve one segment with equal steps in each output interval, none longer than the given step."""
         spans = np.diff(np.concatenate([[segment.start], segment.times]))
         try:
             return self._piece(problem, segment, *self._solved(problem, segment, spans, step_of(segment, self.name)))
@@ -117,7 +120,7 @@ class Rk2:
         return Piece(values, z, {"steps": float(steps), "rhs_evaluations": 2.0 * steps})
 
     def _solved(self, problem: Problem, segment: Segment, spans: Vector, step: float) -> tuple[Vector, int]:
-        """Scaled states at the output times and the number of steps: compiled or interpreted."""
+        """Return the scaled states at the output times and the number of steps, from compiled or interpreted code."""
         x = segment.x[: problem.n_dynamic] / problem.scale_x
         counts = np.maximum(1, np.ceil(spans / step - 1e-9)).astype(int)
         evaluations = 2.0 * float(counts.sum())
@@ -142,12 +145,12 @@ class Rk2:
         return np.hstack(found), len(sizes)
 
 
-# CasADi nests accumulations by this base; its default of 10 takes four times as long to build (10 000 steps)
+# The base by which CasADi nests accumulations; its default of 10 takes four times as long to build (10 000 steps).
 _BASE = {"base": 4}
 
 
 def _several(one: Any, count: int) -> Any:
-    """`count` steps as one function; unrolled while that stays small, which is built and called ten times faster."""
+    """Combine `count` steps into one function, unrolled if small: that is built and called ten times faster."""
     if count == 1:
         return one
     if not one.is_a("SXFunction") or one.n_instructions() * count > 20_000:
@@ -160,13 +163,13 @@ def _several(one: Any, count: int) -> Any:
 
 
 def _runs(counts: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """(steps per interval, number of intervals) of each stretch of equal intervals."""
+    """(steps per interval, number of intervals) for each run of intervals with equally many steps."""
     ends = np.flatnonzero(np.diff(counts)) + 1
     return [(int(part[0]), len(part)) for part in np.split(counts, ends)]
 
 
 def heun(ode: Any) -> Any:
-    """`(x, [t, h], p) -> x` after one step; `x` is scaled."""
+    """Build one step of Heun's method, `(x, [t, h], p) -> x`, with scaled states."""
     kind: Any = ca.SX if ode.is_a("SXFunction") else ca.MX
     x, th, p = kind.sym("x", ode.numel_in("x")), kind.sym("th", 2), kind.sym("p", ode.numel_in("p"))
     t, h = th[0], th[1]

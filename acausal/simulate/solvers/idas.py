@@ -1,4 +1,4 @@
-"""IDAS: BDF of order 1-5 for semi-explicit index-1 DAEs; the reference solver."""
+"""IDAS: BDF of orders 1 to 5 for semi-explicit index-1 DAEs; the reference solver."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Idas(CasadiSolver):
     name = "idas"
     plugin = "idas"
     algebraic = True
-    impatient = True
+    merges_close_outputs = True
     multistep = True
     native = "equations"
 
@@ -24,25 +24,25 @@ class Idas(CasadiSolver):
         self.convergence = convergence
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
-        """Solve one segment; strictly at first, then with less of Newton's method, which a start at a kink may need."""
-        for strictness in (0.01, 0.1) if problem.compiled.algebraic else ():
+        """Solve one segment with a strict convergence test, which is relaxed if a start at a kink fails it."""
+        for convergence in (0.01, 0.1) if problem.compiled.algebraic else ():
             try:
-                return Idas(strictness).attempt(problem, segment)
+                return Idas(convergence).attempt(problem, segment)
             except RuntimeError as error:
                 if "IDA_TOO_MUCH_WORK" in str(error):
                     if segment.partial:
                         raise
                     break
                 if "IDA_RES_FAIL" in str(error):
-                    raise  # Ctrl-C inside the equations looks like this, and must not be answered by another try
+                    raise  # Ctrl-C during an evaluation appears as this error, and must not lead to another attempt
         return Idas(0.33).attempt(problem, segment)
 
     def attempt(self, problem: Problem, segment: Segment) -> Piece:
-        """One try with this object's convergence coefficient."""
+        """Make one attempt with this object's convergence coefficient."""
         return super().integrate(problem, segment)
 
     def rates(self, problem: Problem, segment: Segment) -> list[float]:
-        """The rates at the start."""
+        """The scaled rates at the start."""
         x = segment.x[: problem.n_dynamic] / problem.scale_x
         numbers = problem.vector(segment.p, segment.x, segment.start)
         return list(problem.scaled.buffered(0.0, x, segment.z / problem.scale_z, numbers, [])[0].tolist())
@@ -51,13 +51,14 @@ class Idas(CasadiSolver):
         return {
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
-            # the start is consistent already, and IDACalcIC fails where our own start system does not
+            # the start is already consistent, and IDACalcIC fails on some starts that acausal's own start system solves
             "calc_ic": False,
             **({"init_xdot": self.rates(problem, segment)} if segment.shares is None else {}),
             "suppress_algebraic": True,
-            # algebraic variables are outside the error test, so only Newton's method keeps them right: with IDA's own
-            # 0.33 a drill that falls 8 mm before it touches flies through the block at some tolerances (measured); an
-            # ODE is under the error test as a whole, and pays half as many evaluations again for nothing
+            # Algebraic variables are outside the error test, so only the convergence test keeps them accurate. With
+            # IDA's default of 0.33, a drill that falls 8 mm before contact passes through the block at some tolerances
+            # (measured). The error test covers all of an ODE, for which a strict value costs half as many evaluations
+            # again without benefit.
             "nonlin_conv_coeff": self.convergence,
             "max_num_steps": segment.most_steps,
             **bounded(segment),

@@ -1,10 +1,10 @@
-"""How far a solver comes that has failed: in ever smaller pieces, with few steps for each.
+"""Integration as far as possible after a solver has failed: in ever smaller pieces, with few steps in each.
 
-A solution that ends (x' = x^2 at t = 1, an algebraic equation that loses its solution) lets a solver take steps that no
-longer change the time, as many as it is allowed. Many steps *are* needed now and then, so that their number alone does
-not decide: a piece that fails is divided, and the run is given up when pieces become a billionth of what they were, or
-when it has failed too often (behind a pole small pieces arrive somewhere again), or has taken too many steps in all (a
-mechanism that turns ten thousand times as fast as it should would be followed for hours).
+Where a solution ends (x' = x^2 at t = 1, or an algebraic equation that loses its solution), a solver uses up its budget
+with steps that no longer advance the time. Since some runs do need many steps, their number alone proves nothing. A
+piece that fails is divided instead, and the run is abandoned in three cases: pieces have shrunk to a billionth; there
+were too many failures (beyond a pole small pieces succeed again); or there were too many steps in all (a mechanism that
+turns ten thousand times too fast would be followed for hours).
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from acausal.arrays import Vector
 from acausal.simulate.solvers.segment import Piece, Segment
 
 RECOVERY_STEPS = 3000
-"""Steps between two output times in a piece."""
+"""Largest number of steps between two output times in a piece."""
 
 _DIVISION = 8
-_SMALLEST = 1e-9
+_SMALLEST_FRACTION = 1e-9
 _MOST_FAILURES = 25
 _MOST_STEPS = 200_000  # of all pieces together
 
@@ -29,14 +29,15 @@ _MOST_STEPS = 200_000  # of all pieces together
 def recover(
     integrate: Callable[[Segment], Piece], segment: Segment, record: Callable[[Vector, Piece], Piece]
 ) -> tuple[Segment, Piece | None]:
-    """Record what can be computed of a segment that has failed, in ever smaller pieces.
+    """Record as much as can be computed of a segment that has failed.
 
-    `record` takes output times and the values there, and returns these as they are recorded. Returns where it ends,
-    and the last piece, unrecorded, when that is the end of the segment after all.
+    `record` takes output times and the values there, and returns these as they are recorded. Returns the part of the
+    segment at which the integration ended, and the last piece, not yet recorded, if the segment was completed after
+    all; otherwise None.
     """
     times = segment.times
     count = max(1, len(times) // 2)
-    counted = Counted(integrate)
+    counted = CountedSteps(integrate)
     while len(times):
         part = replace(segment, times=times[:count], step_budget=RECOVERY_STEPS)
         if counted.is_exhausted:
@@ -59,14 +60,14 @@ def recover(
     return segment, None
 
 
-def crawl(integrate: Counted, segment: Segment) -> tuple[Segment, Piece | None]:
-    """Go as far as possible over a segment of one output time.
+def crawl(integrate: CountedSteps, segment: Segment) -> tuple[Segment, Piece | None]:
+    """Integrate as far as possible over a segment with a single output time.
 
-    Returns where that is, as the segment that is left, and the piece that arrives at the end, if one does.
+    Returns the remaining segment, and the piece that reaches the end, or None if none does.
     """
     end = float(segment.times[-1])
     whole = end - segment.start
-    size, done, failures = whole / _DIVISION, 0, 0
+    size, successes, failures = whole / _DIVISION, 0, 0
     here = replace(segment, step_budget=RECOVERY_STEPS)
     while not integrate.is_exhausted:
         target = here.start + size
@@ -74,28 +75,28 @@ def crawl(integrate: Counted, segment: Segment) -> tuple[Segment, Piece | None]:
         try:
             piece = integrate(replace(here, times=np.array([target])))
         except RuntimeError:
-            size, done, failures = size / _DIVISION, 0, failures + 1
-            if failures > _MOST_FAILURES or size < _SMALLEST * whole or here.start + size <= here.start:
+            size, successes, failures = size / _DIVISION, 0, failures + 1
+            if failures > _MOST_FAILURES or size < _SMALLEST_FRACTION * whole or here.start + size <= here.start:
                 return here, None
             continue
         if target == end:
             return here, piece
         here = replace(here, start=target, x=piece.x[:, -1], z=piece.z[:, -1])
-        done += 1
-        if done > _DIVISION:  # beyond what has failed as one piece
-            size, done = size * _DIVISION, 0
+        successes += 1
+        if successes > _DIVISION:  # past the piece that failed as a whole
+            size, successes = size * _DIVISION, 0
     return here, None
 
 
-class Counted:
-    """An integration that counts its steps; one that fails has taken all that it may."""
+class CountedSteps:
+    """An integration that counts its steps; a failure counts as a full budget of steps."""
 
     def __init__(self, integrate: Callable[[Segment], Piece]) -> None:
         self._integrate, self._steps = integrate, 0.0
 
     @property
     def is_exhausted(self) -> bool:
-        """Whether no more steps should be spent."""
+        """Whether the budget of all pieces together is used up."""
         return self._steps > _MOST_STEPS
 
     def __call__(self, segment: Segment) -> Piece:

@@ -15,28 +15,29 @@ from acausal.simulate.solvers.segment import Segment
 
 
 class Rosenbrock(CasadiSolver):
-    """One Jacobian and one sparse factorisation a step; no Newton iterations."""
+    """One Jacobian and one sparse factorisation per step, without Newton iterations."""
 
     name = "rosenbrock"
     plugin = "rosenbrock"
-    # Measured on mechanisms: 4 to 15 times faster than a rootfinder inside the right-hand side.
+    # On mechanisms 4 to 15 times faster than a rootfinder inside the right-hand side (measured).
     algebraic = True
     native = "integrator"
     interpolates = True
 
     def settings(self, problem: Problem, segment: Segment) -> dict[str, Any]:
         is_loop = problem.compiled.solution.structure.invariants and may_lose_pivots(problem.compiled)
-        most = max(400, 8_000 // len(segment.times)) if is_loop else MOST_STEPS
+        most_steps = max(400, 8_000 // len(segment.times)) if is_loop else MOST_STEPS
         return {
             "reltol": segment.tolerances.relative,
             "abstol": segment.tolerances.absolute,
-            # a Newton step below the tolerance is enough: a thousandth of it, CasADi's own, is below rounding at 1e-10
+            # A Newton step below the tolerance is enough; CasADi's default, a thousandth of it, is below rounding at
+            # tolerances of 1e-10.
             "init_tol": 0.3,
-            # a loop of joints that crawls where a pivot vanishes begins again with others: that is to be noticed in
-            # seconds, not in an hour; where none vanishes the run goes on with as many as it needs
-            **stepping(segment, most),
+            # Where a pivot of a closed loop vanishes, steps collapse, and the run restarts with other pivots. A small
+            # budget reveals that in seconds instead of an hour. If no pivot can vanish, the full budget applies.
+            **stepping(segment, most_steps),
         }
 
     def units(self, problem: Problem, segment: Segment) -> NDArray[np.float64] | None:
-        """Coarser ones for algebraic variables that rounding keeps from their tolerance."""
+        """Divisors that relax the error test of algebraic variables; see `attainable.units`."""
         return units(problem, segment) if len(segment.z) else None

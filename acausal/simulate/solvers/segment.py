@@ -1,4 +1,4 @@
-"""What a solver is asked, within which tolerances, and what it returns."""
+"""The input of a solver (a segment, with tolerances) and its output (a piece of the solution)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,26 @@ from acausal.arrays import Vector
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """One stretch: from `start` to the last of `times` (ascending, all after `start`).
+    """An interval of time to integrate, from `start` to the last of `times` (ascending, all after `start`) [s].
 
-    `x` (all states), `z` are consistent at the start; `p` are the modes of the time events. `step_budget` is the number
-    of steps between two output times after which a solver gives up; None: as many as a long run may need. `first` is
-    the first step, 0 to have it estimated. With `partial`, the rows before a failure are a result (see `Piece`);
-    without any row it is a RuntimeError as always.
-
-    `shares` says that the times are these shares of the whole: one of a few grids, whose integrators are kept.
-    Integrals that act on nothing are left as they are at the start. IDAS begins without derivatives, and wants a
-    `first` step in which the states change by less than their tolerance.
+    Attributes
+    ----------
+    x, z
+        All states and the algebraic variables, consistent at the start.
+    p
+        Modes of the time events.
+    step
+        The fixed step [s]; None if the solver chooses its steps, at most `max_step`.
+    step_budget
+        Steps between two output times after which a solver gives up; None allows as many as a long run may need.
+    first
+        The first step [s]; 0 to have it estimated.
+    partial
+        Return the rows before a failure (see `Piece`); a failure before the first row still is a RuntimeError.
+    shares
+        The times as fractions of the length, if they are one of a few grids whose integrators are cached. Quadratures
+        then keep their start values, and IDAS begins without derivatives: it needs a `first` step in which the states
+        change by less than their tolerance.
     """
 
     start: float
@@ -40,12 +50,12 @@ class Segment:
 
     @property
     def length(self) -> float:
-        """From the start to the last of the times [s]."""
+        """Time from the start to the last output [s]."""
         return float(self.times[-1]) - self.start
 
     @property
     def most_steps(self) -> int:
-        """Steps between two output times; with few of these, as many as a run with many would be allowed."""
+        """Largest number of steps between two output times, more if there are few of these."""
         return self.step_budget or max(20_000, 400_000 // len(self.times))
 
 
@@ -53,7 +63,7 @@ class Segment:
 class Piece:
     """Values at `segment.times`: `x` of shape (nx, n), `z` of shape (nz, n), and the solver's counters.
 
-    Of a `partial` segment perhaps only the first of them: `stopped` says then in the solver's words why.
+    For a `partial` segment these may be only the first of the times; `stopped` is then the solver's message.
     """
 
     x: Vector
@@ -70,7 +80,7 @@ def add_counters(total: dict[str, float], more: Mapping[str, float]) -> None:
 
 @dataclass(frozen=True)
 class Tolerances:
-    """A relative tolerance, and `factor` times as much in nominal magnitudes as the absolute one."""
+    """A relative tolerance, and an absolute one of `factor` times its value, in nominal magnitudes."""
 
     relative: float
     factor: float = 1e-3
@@ -81,9 +91,9 @@ class Tolerances:
         return self.relative * self.factor
 
     def scaled(self, share: float, least: float = 0.0) -> Tolerances:
-        """So many times both, and the relative one at least `least`."""
+        """Return both tolerances times `share`, the relative one at least `least`."""
         return replace(self, relative=max(share * self.relative, least))
 
     def of(self, values: ArrayLike, nominal: ArrayLike = 1.0) -> NDArray[np.float64]:
-        """What values of this size may be off, shape that of the values; `nominal` where they are not scaled."""
+        """Allowed errors of values, in their shape; `nominal` are the nominal magnitudes of unscaled values."""
         return np.asarray(self.relative * np.abs(values) + self.absolute * np.asarray(nominal))

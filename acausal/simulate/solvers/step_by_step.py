@@ -1,7 +1,7 @@
-"""Fixed steps of implicit methods, looked at one by one: a step may end on another branch of the algebraic equations.
+"""Fixed steps of implicit methods, checked one by one: a step may end on another branch of the algebraic equations.
 
-A step past a fold is not rejected by any error estimate, and Newton's method within it ends on whatever solves the
-equations there: z + 1.5 sin z = x went from -2.3 to -6.3 in one step of Radau's method, and in one of Rosenbrock's.
+No error estimate rejects a step past a fold, and Newton's method may converge to any solution beyond it: the solution
+of z + 1.5 sin z = x jumped from -2.3 to -6.3 in one step of Radau's method, and in one of Rosenbrock's.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from acausal.simulate.solvers.segment import Piece, Segment
 
 
 def step_by_step(solve: Callable[[Segment], Piece], problem: Problem, segment: Segment, step: float) -> Piece:
-    """What `solve` makes of a segment, up to the first step [s] that leaves the branch on which it began.
+    """Solve a segment by `solve`, up to the first step that leaves the branch on which the segment began.
 
-    Raises RuntimeError there, unless rows before that are a result (`Segment.partial`).
+    `step` is the fixed step [s]. Raises RuntimeError at that step, unless the segment is `partial` and has rows before.
     """
-    asked = segment.times if segment.shares is not None else _every_step(segment, step)
+    step_ends = segment.times if segment.shares is not None else _every_step(segment, step)
     try:
-        piece = solve(replace(segment, times=asked))
+        piece = solve(replace(segment, times=step_ends))
     except Interrupted as stop:
         if stop.got is not None:
-            due = np.isin(asked[: stop.got.x.shape[1]], segment.times)
-            stop.got = _rows(stop.got, due) if due.any() else None
+            is_output = np.isin(step_ends[: stop.got.x.shape[1]], segment.times)
+            stop.got = _rows(stop.got, is_output) if is_output.any() else None
         raise
     count = piece.x.shape[1]
-    kept = problem.keeps_branch(replace(segment, times=asked[:count]), piece.x, piece.z)
-    due = np.isin(asked[:count], segment.times) & (np.arange(count) < kept)
-    if kept == count:
-        return _rows(piece, due)
-    if not (segment.partial and due.any()):
+    valid = problem.keeps_branch(replace(segment, times=step_ends[:count]), piece.x, piece.z)
+    is_output = np.isin(step_ends[:count], segment.times) & (np.arange(count) < valid)
+    if valid == count:
+        return _rows(piece, is_output)
+    if not (segment.partial and is_output.any()):
         raise RuntimeError(LEFT)
-    return replace(_rows(piece, due), stopped=LEFT)
+    return replace(_rows(piece, is_output), stopped=LEFT)
 
 
-def _rows(piece: Piece, due: Truth) -> Piece:
-    return replace(piece, x=piece.x[:, due], z=piece.z[:, due])
+def _rows(piece: Piece, is_output: Truth) -> Piece:
+    return replace(piece, x=piece.x[:, is_output], z=piece.z[:, is_output])
 
 
 def _every_step(segment: Segment, step: float) -> Vector:
-    """The ends of all steps up to the last of the times, these among them."""
+    """The ends of all steps up to the last output, including the output times."""
     before = np.append(segment.start, segment.times[:-1])
     counts = np.maximum(1, np.ceil((segment.times - before) / step - 1e-9)).astype(int)
     inner = [np.linspace(a, b, n + 1)[1:-1] for a, b, n in zip(before, segment.times, counts, strict=True) if n > 1]

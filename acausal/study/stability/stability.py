@@ -11,7 +11,7 @@ from acausal.errors import UsageError
 from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.solvers import share_of, solver_named
+from acausal.simulate.solvers import solver_named, tolerance_fraction
 from acausal.study.bench.isolated import isolated
 from acausal.study.growth import Growth, growth
 from acausal.study.stability.character import Character, character
@@ -85,7 +85,7 @@ def stability(
     known = facts(compiled, run)
     bounds = limits(run, locals, check)
     wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
-    bdf = _oscillations(run, locals, ch, wanted * share_of(compiled, solver_named("idas"), wanted))
+    bdf = _oscillations(run, locals, ch, wanted * tolerance_fraction(compiled, solver_named("idas"), wanted))
     found = findings(run, known, error_growth, locals, undetermined)
     own_solver = str(run.result.stats["solver"])
     judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span, own_solver, run.failed)

@@ -14,7 +14,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import IntegrationError, UsageError
 from acausal.result.result import load
-from acausal.simulate.solvers import share_of, solver_named
+from acausal.simulate.solvers import solver_named, tolerance_fraction
 from acausal.study.bench.accuracy.distance import floors, mixed
 from acausal.study.bench.accuracy.trajectory import POINTS, Trajectory
 from acausal.study.bench.case import IMPLICIT, Case
@@ -220,8 +220,8 @@ def _coarser(task: Task, solver: str, tolerance: float) -> tuple[float, float]:
     Those of the user are no measure: the smallest ones have the same share.
     """
     method = solver_named(solver)
-    own_share = share_of(task.compiled, method, tolerance) * tolerance
-    share = share_of(task.compiled, method, 1.0)
+    own_share = tolerance_fraction(task.compiled, method, tolerance) * tolerance
+    share = tolerance_fraction(task.compiled, method, 1.0)
     return _DECADE * own_share / share, _DECADE**2 * own_share / share
 
 
