@@ -1,4 +1,4 @@
-"""What a run is asked to do, the grid of output times that follows, and the values of its parameters and inputs."""
+"""The options of a run, the grid of its output times, and the values of its parameters and inputs."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.solvers.segment import Tolerances
 
-# Below this the rounding of sixteen digits is larger than what a step may be wrong by: no step is ever accepted.
-_FINEST = 1e-14
-# Solvers without step control, or whose choice depends on whether there is a step.
-_FIXED = ("auto", "rk", "rk2", "collocation")
-# Solvers that always choose their steps themselves.
-_FREE = ("idas", "cvodes")
+# Below this tolerance the rounding of sixteen digits exceeds the allowed error of a step: no step would be accepted.
+_FINEST_TOLERANCE = 1e-14
+# Solvers without step control, and "auto", which chooses one of them if there is a step.
+_FIXED_STEP_SOLVERS = ("auto", "rk", "rk2", "collocation")
+# Solvers that always choose their steps, and cannot take fixed ones.
+_ADAPTIVE_SOLVERS = ("idas", "cvodes")
 
 
 @dataclass(frozen=True)
 class Options:
-    """A run: times in seconds, relative tolerance, solver name or "auto", size of a fixed step.
+    """The options of a run: times [s], relative tolerance, name of the solver or "auto", fixed step [s].
 
     Absolute tolerances are `absolute_factor * tolerance * nominal`, per variable. `native`: True compiles the equations
     to C, False interprets them, None decides.
@@ -46,7 +46,7 @@ class Options:
 
     @property
     def tolerances(self) -> Tolerances:
-        """What end errors are to be below; solvers get a share of it."""
+        """Tolerances for the end errors of the run; solvers get a fraction of them."""
         return Tolerances(self.tolerance, self.absolute_factor)
 
     @property
@@ -55,7 +55,7 @@ class Options:
         return self.stop_time - self.start_time
 
     def grid(self) -> NDArray[np.float64]:
-        """Output times: multiples of the interval from the start, and the stop time."""
+        """Output times [s]: multiples of the interval from the start, and the stop time."""
         count = math.floor((self.stop_time - self.start_time) / self.output_interval * (1 + 1e-12) + 1e-9)
         times: NDArray[np.float64] = self.start_time + self.output_interval * np.arange(count + 1, dtype=np.float64)
         if self.stop_time - times[-1] > 1e-9 * self.output_interval:
@@ -76,30 +76,38 @@ def options(
     max_step: float | None = None,
     native: bool | None = None,
 ) -> Options:
-    """Options from a model's experiment and what the caller overrides.
+    """Build the options from a model's experiment and the values that the caller overrides.
 
-    Raises UsageError: AC030 when times, tolerance or steps make no sense, AC038 for a step given to a solver that
-    chooses its own, and for a largest step beside a fixed one.
+    Raises UsageError: AC030 if times, tolerance or steps are invalid, AC038 for a step given to a solver that chooses
+    its own, and for a `max_step` beside a fixed step.
     """
     start = experiment.start_time if start_time is None else _number("start_time", start_time)
     stop = experiment.stop_time if stop_time is None else _number("stop_time", stop_time)
-    # a tolerance asked of a method that controls its steps means that it shall do so, and so does a method that must
-    adaptive = solver in _FREE or (tolerance is not None and solver is not None and solver not in _FIXED)
-    own_step = None if adaptive else experiment.step
+    # The experiment's fixed step is ignored if the solver always controls its steps, or if one that can do so is given
+    # together with a tolerance.
+    adaptive = solver in _ADAPTIVE_SOLVERS or (
+        tolerance is not None and solver is not None and solver not in _FIXED_STEP_SOLVERS
+    )
+    declared_step = None if adaptive else experiment.step
     interval = output_interval if output_interval is not None else experiment.output_interval
-    name = experiment.solver if solver is None else solver
-    steps = own_step if step is None else _number("step", step)
-    rows = (stop - start) / 500 if interval is None else _number("output_interval", interval)
-    if output_interval is None and name in _FIXED and steps is not None and rows < steps < math.inf:
-        # these methods know the ends of their steps only: rows nobody asked for must not make the steps shorter
-        rows = min(steps, max(stop - start, rows))
+    solver_name = experiment.solver if solver is None else solver
+    fixed_step = declared_step if step is None else _number("step", step)
+    row_interval = (stop - start) / 500 if interval is None else _number("output_interval", interval)
+    if (
+        output_interval is None
+        and solver_name in _FIXED_STEP_SOLVERS
+        and fixed_step is not None
+        and row_interval < fixed_step < math.inf
+    ):
+        # These methods only give values at the ends of their steps: default rows must not make the steps shorter.
+        row_interval = min(fixed_step, max(stop - start, row_interval))
     chosen = Options(
         start_time=start,
         stop_time=stop,
-        output_interval=rows,
+        output_interval=row_interval,
         tolerance=experiment.tolerance if tolerance is None else _number("tolerance", tolerance),
-        solver=name,
-        step=steps,
+        solver=solver_name,
+        step=fixed_step,
         max_step=experiment.max_step if max_step is None else _number("max_step", max_step),
         native=native,
     )
@@ -115,8 +123,8 @@ def options(
         ),
         (0 < chosen.tolerance < 1, f"tolerance {chosen.tolerance:g} is not between 0 and 1"),
         (
-            chosen.tolerance >= _FINEST,
-            f"tolerance {chosen.tolerance:g} is finer than numbers of 16 digits allow: 1e-14",
+            chosen.tolerance >= _FINEST_TOLERANCE,
+            f"tolerance {chosen.tolerance:g} is below 1e-14, the limit of numbers with 16 digits",
         ),
         (chosen.step is None or chosen.step > 0, f"step {chosen.step} s is not positive"),
         (chosen.max_step is None or chosen.max_step > 0, f"max_step {chosen.max_step} s is not positive"),
@@ -124,7 +132,7 @@ def options(
     for holds, fact in checks:
         if not holds:
             raise UsageError("AC030", fact)
-    if chosen.solver in _FREE and chosen.step is not None:
+    if chosen.solver in _ADAPTIVE_SOLVERS and chosen.step is not None:
         raise UsageError(
             "AC038",
             f"solver '{chosen.solver}' chooses its steps itself: a step of {chosen.step:g} s would change nothing",
@@ -149,32 +157,32 @@ def _number(name: str, value: object) -> float:
 
 
 def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Vector:
-    """Values of the free parameters, some replaced.
+    """Values of the free parameters, shape (np,), with the given ones replaced.
 
-    Raises UsageError: AC020 for an unknown name, AC022 for a parameter that is bound to others in this compiled model,
+    Raises UsageError: AC020 for an unknown name, AC022 for a parameter that depends on others in this compiled model,
     AC023 for a value that is no number or has another shape.
-    Raises DeclarationError: AC136 for a value outside its limits, AC139 for values that do not go together.
+    Raises DeclarationError: AC136 for a value outside its limits, AC139 for values that contradict each other.
     """
     p = np.array(compiled.parameter_values, dtype=float)
-    if not given:  # large models have thousands of names
+    if not given:  # saves the dictionaries below, as large models have thousands of names
         return p
     index = {name: k for k, name in enumerate(compiled.parameters)}
     declared = {f.path: f for f in compiled.flat.parameters}
     for path, value in given.items():
-        base = declared.get(path)
-        names = [path + s for s in suffixes(base.declaration.shape)] if base is not None else [path]
+        exact = declared.get(path)
+        names = [path + s for s in suffixes(exact.declaration.shape)] if exact is not None else [path]
         fixed = [n for n in names if n in compiled.flat.frozen]
         if fixed:
             raise UsageError(
                 "AC022",
                 f"{fixed[0]} was frozen when this model was compiled",
-                help="compile anew without it in freeze, or with its new value",
+                help="compile again without it in freeze, or with its new value",
             )
-        if base is not None and not base.free:
+        if exact is not None and not exact.free:
             raise UsageError(
                 "AC022",
                 f"{path} follows from other parameters in this compiled model",
-                help=f"set those, or compile anew: acausal.compile(model, parameters={{{path!r}: ...}})",
+                help=f"set those, or compile again: acausal.compile(model, parameters={{{path!r}: ...}})",
             )
         if names[0] not in index:
             raise UsageError(
@@ -182,23 +190,26 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
                 f"there is no parameter '{path}'",
                 evidence=meant(path, list(index)),
             )
-        whole = declared.get(path if base is not None else path.rpartition("[")[0])
-        shape, unit = base.declaration.shape if base is not None else (), whole.declaration.unit if whole else ""
+        declaring = declared.get(path if exact is not None else path.rpartition("[")[0])
+        shape, unit = (
+            exact.declaration.shape if exact is not None else (),
+            declaring.declaration.unit if declaring else "",
+        )
         numbers = entries(path, shape, value, unit)
         for name, number in zip(names, numbers, strict=True):
-            if whole is not None:
-                check_limit(whole.path, name.removeprefix(whole.path), whole.declaration, number)
+            if declaring is not None:
+                check_limit(declaring.path, name.removeprefix(declaring.path), declaring.declaration, number)
             p[index[name]] = number
     check_values(compiled.flat, p.tolist())
     return p
 
 
 def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked: Collection[str] = ()) -> Vector:
-    """Values of the model's inputs; what is missing has its declared default.
+    """Values of the model's inputs, shape (nu,); those that are not given have their declared defaults.
 
     `unchecked` are inputs whose numbers here are only placeholders.
 
-    Raises UsageError: AC033 when one is missing, unknown or no finite number.
+    Raises UsageError: AC033 if an input is missing, unknown or no finite number.
     Raises DeclarationError: AC136 for a value outside the limits of its input.
     """
     if not isinstance(given, Mapping):
@@ -207,11 +218,11 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked:
     scalars = dict(zip(compiled.inputs, compiled.flat.inputs, strict=True))
     missing = [n for n in compiled.inputs if n not in given and scalars[n] not in compiled.flat.starts]
     if unknown or missing:
-        wanted = (missing or [*compiled.inputs, "u"])[0]
+        example = (missing or [*compiled.inputs, "u"])[0]
         fact, cause = f"there is no input '{unknown[0]}'" if unknown else f"input {missing[0]} has no value", None
         if unknown and any(v.path == unknown[0] for v in compiled.flat.variables):
             fact = f"{unknown[0]} is not an input, but a variable to which the model gives a value"
-            cause = "an equation, a connection, or a default that is no single number: true or false, or a vector"
+            cause = "an equation, a connection, or a default that is not a single number: true or false, or a vector"
             if any(name.startswith(f"{unknown[0]}[") for name in compiled.inputs):
                 fact, cause = f"{unknown[0]} is a vector, and each of its elements an input", None
         raise UsageError(
@@ -219,7 +230,7 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked:
             fact,
             evidence=[f"inputs of {compiled.name}: {', '.join(compiled.inputs) or 'none'}"],
             cause=cause,
-            help=f"inputs={{'{wanted}': 0.0}}, or --input {wanted}=0; or bind it in the model",
+            help=f"inputs={{'{example}': 0.0}}, or --input {example}=0; or bind it in the model",
         )
     u = np.zeros(len(compiled.inputs))
     for k, name in enumerate(compiled.inputs):
@@ -236,7 +247,7 @@ def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked:
 
 
 def declared_input(compiled: CompiledModel, scalar: int) -> float:
-    """Declared default of an input with the declared parameters; 0 where there is none."""
+    """Declared default of an input, evaluated with the declared parameters; 0 if there is none."""
     start = compiled.flat.starts.get(scalar)
     if start is None:
         return 0.0

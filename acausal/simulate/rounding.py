@@ -61,8 +61,8 @@ def remark(factor: float | None, steps: float, solver: str, tolerances: Toleranc
         return ()
     return (
         f"rounding errors of the equations determined the {steps:.0f} steps of {solver}, not the tolerance "
-        f"{tolerances.relative:g}: about {tolerances.scaled(factor).relative:.0e} can be attained; a smaller tolerance costs "
-        "steps without gaining digits",
+        f"{tolerances.relative:g}: about {tolerances.scaled(factor).relative:.0e} can be attained; a smaller tolerance "
+        "costs steps without gaining digits",
     )
 
 

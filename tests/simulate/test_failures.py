@@ -27,7 +27,7 @@ from acausal import (
 from acausal.errors import IntegrationError
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
-from acausal.simulate.solvers.recovery import RECOVERY_STEPS, Counted, crawl, recover
+from acausal.simulate.solvers.recovery import RECOVERY_STEPS, CountedSteps, crawl, recover
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 
 
@@ -260,7 +260,7 @@ def until(wall: float) -> list[float]:
             raise RuntimeError("IDA_TOO_MUCH_WORK")
         return Piece(segment.times[None, :], np.zeros((0, 1)), {})
 
-    left, piece = crawl(Counted(integrate), replace(SEGMENT))
+    left, piece = crawl(CountedSteps(integrate), replace(SEGMENT))
     return [left.start, 0.0 if piece is None else 1.0, tried]
 
 
@@ -280,7 +280,7 @@ def test_a_narrow_hard_place_is_passed() -> None:
             raise RuntimeError("IDA_TOO_MUCH_WORK")
         return Piece(segment.times[None, :], np.zeros((0, 1)), {})
 
-    left, piece = crawl(Counted(integrate), replace(SEGMENT))
+    left, piece = crawl(CountedSteps(integrate), replace(SEGMENT))
     assert piece is not None
     assert left.start + 1e-12 < 1.0
 
