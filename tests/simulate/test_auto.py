@@ -55,7 +55,7 @@ def test_what_is_never_stiff_has_slopes_without_eigenvalues(make: Callable[[], C
 
 def test_auto_takes_no_matrix_where_none_is_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """From as many states on as make a factorisation a step expensive; 51 clutches would take seconds to compile."""
-    monkeypatch.setattr(sys.modules[choose.__module__], "_SMALL", 5)
+    monkeypatch.setattr(sys.modules[choose.__module__], "_SMALL_SIZE", 5)
     compiled = acausal.compile(ClutchChain(n=3))
     solver, why = choose(compiled, "auto", None)
     assert (solver.name, "never stiff" in why) == ("erk", True)
