@@ -1,4 +1,4 @@
-"""Inputs of a run as they are given: constants as the vector u, what varies as polynomials."""
+"""Conversion of the given inputs of a run: constants to the vector u, functions of time to polynomials."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from acausal.simulate.options import input_vector
 from acausal.simulate.solvers.segment import Tolerances
 from acausal.units import ambiguous, convert, format_dimension, in_si, parse
 
-# Share of the tolerance by which an input may be off, by the size of its variation.
-_SHARE = 0.1
-# Rounding of a value and of a polynomial through it, relative to the value.
+# Allowed error of an input, relative to the size of its variation, as a fraction of the tolerance.
+_FRACTION = 0.1
+# Rounding error of a value and of a polynomial through it, relative to the value.
 _ROUNDING = 32.0 * float(np.finfo(float).eps)
 
 
@@ -38,19 +38,19 @@ _ROUNDING = 32.0 * float(np.finfo(float).eps)
 class Inputs:
     """Inputs of one run."""
 
-    u: Vector  # constants, shape (nu,); 0 for what varies
-    # `places`, `pieces`: places in u of what varies, and its polynomials over the run.
+    u: Vector  # constants, shape (nu,); 0 for inputs that vary
+    # `places`, `pieces`: indices in u of the inputs that vary, and their polynomials over the run.
     places: tuple[int, ...] = ()
     pieces: tuple[Pieces, ...] = ()
 
     @cached_property
     def breaks(self) -> Vector:
-        """Where the run is to be cut [s]."""
+        """Instants at which the run is to be cut [s]."""
         return np.concatenate([np.zeros(0), *(p.breaks for p in self.pieces)])
 
     @property
     def jumps(self) -> Vector:
-        """Where an input jumps [s]."""
+        """Instants at which an input jumps [s]."""
         return np.concatenate([np.zeros(0), *(p.jumps for p in self.pieces)])
 
     def numbers(self, times: Vector) -> Vector:
@@ -58,7 +58,7 @@ class Inputs:
         return np.hstack([np.zeros((len(times), 0)), *(p.at(times) for p in self.pieces)])
 
     def into(self, compiled: CompiledModel, modes: Vector, times: Vector) -> Vector:
-        """Modes of the relations of time at n instants, shape (n, k), with these numbers in their places."""
+        """Write these numbers into the modes of the relations of time at n instants, shape (n, k), and return them."""
         if not self.places:
             return modes
         first = len(compiled.time_events.relations)
@@ -67,10 +67,10 @@ class Inputs:
 
 
 def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float, tolerances: Tolerances) -> Inputs:
-    """What `simulate(inputs=...)` was given, for a run from `start` to `stop` [s].
+    """Convert the argument of `simulate(inputs=...)`, for a run from `start` to `stop` [s].
 
-    Raises UsageError: AC033 for names and constants, AC044 for what is no function of time or does not cover the run,
-    AC045 for files.
+    Raises UsageError: AC033 for names and constants, AC044 for data that are no function of time or do not cover the
+    run, AC045 for files.
     Raises DeclarationError: AC136 for values outside the limits of the input.
     Raises UnitError: AC151 for a unit that does not fit.
     """
@@ -78,7 +78,7 @@ def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float,
         return Inputs(input_vector(compiled, given))
     given = {n: _number(compiled, n, v) for n, v in given.items()}
     varying = {n: v for n, v in given.items() if n in compiled.inputs and not isinstance(v, Number)}
-    varying = {n: v for n, v in varying.items() if np.ndim(v) > 0 or callable(v) or _is_data(v)}
+    varying = {n: v for n, v in varying.items() if np.ndim(v) > 0 or callable(v) or _is_series(v)}
     u = input_vector(compiled, {n: 0.0 if n in varying else v for n, v in given.items()}, unchecked=varying)
     if not varying:
         return Inputs(u)
@@ -86,12 +86,12 @@ def given_inputs(compiled: CompiledModel, given: Any, start: float, stop: float,
     pieces = []
     for k in places:
         name, declared = compiled.inputs[k], compiled.flat.declaration(compiled.flat.inputs[k])
-        pieces.append(_pieces(name, declared, varying[name], start, stop, tolerances.scaled(_SHARE).relative))
+        pieces.append(_pieces(name, declared, varying[name], start, stop, tolerances.scaled(_FRACTION).relative))
     return Inputs(u, places, tuple(pieces))
 
 
 def _number(compiled: CompiledModel, name: str, value: Any) -> Any:
-    """A constant with a unit, such as "20 degC", as a number; all else as it is."""
+    """Convert a constant with a unit, such as "20 degC", to a number; returns all other values unchanged."""
     if (
         not isinstance(value, str)
         or name not in compiled.inputs
@@ -103,33 +103,33 @@ def _number(compiled: CompiledModel, name: str, value: Any) -> Any:
     try:
         return convert(value, unit)
     except UnitError as error:
-        if error.code == "AC152":  # no number at all
+        if error.code == "AC152":  # not a number: perhaps the name of a file
             return value
         raise UsageError(error.code, f"input {name}: {error.fact}", evidence=error.evidence, help=error.help) from None
 
 
-def _is_data(value: Any) -> bool:
+def _is_series(value: Any) -> bool:
     return isinstance(value, str | Result | TimeSeries) or (hasattr(value, "index") and hasattr(value, "to_numpy"))
 
 
-def _allowed(values: Vector, share: float) -> float:
-    """By how much polynomials may be off: a share of the variation of the values, but no less than their rounding."""
-    return max(share * variation(values), _ROUNDING * float(np.abs(values).max()))
+def _allowed_error(values: Vector, fraction: float) -> float:
+    """Allowed error of polynomials: a fraction of the variation of the values, at least their rounding error."""
+    return max(fraction * variation(values), _ROUNDING * float(np.abs(values).max()))
 
 
-def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: float, share: float) -> Pieces:
+def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: float, fraction: float) -> Pieces:
     if callable(value) and not isinstance(value, Result):
-        signal = _called(value, name)
-        look = signal(np.linspace(start, stop, 1001))
-        error = _allowed(look, share)
-        _check_limits(name, declared, look, error)
+        signal = _vectorised(value, name)
+        samples = signal(np.linspace(start, stop, 1001))
+        error = _allowed_error(samples, fraction)
+        _check_limits(name, declared, samples, error)
         return sampled(signal, np.array([start, stop]), error, f"input {name}")
     series, exact = _in_unit(name, declared, *series_of(name, value))
     times, values = _covering(name, series, start, stop)
     inside = (times >= start) & (times <= stop)
-    own = values[inside] if inside.any() else values
-    error = _allowed(own, share)
-    _check_limits(name, declared, own, 10.0 * error / _SHARE)
+    used = values[inside] if inside.any() else values
+    error = _allowed_error(used, fraction)
+    _check_limits(name, declared, used, 10.0 * error / _FRACTION)
     if series.interpolation == "hold":
         return held(times, values)
     if series.interpolation == "linear":
@@ -138,8 +138,8 @@ def _pieces(name: str, declared: Declaration, value: Any, start: float, stop: fl
 
 
 @dataclass(frozen=True, eq=False)
-class _Chords:
-    """Straight lines through points."""
+class _StraightLines:
+    """Linear interpolation between points."""
 
     times: Vector
     values: Vector
@@ -150,7 +150,7 @@ class _Chords:
 
 @dataclass(frozen=True, eq=False)
 class _Scaled:
-    """A signal in another unit."""
+    """A signal converted to another unit."""
 
     signal: Callable[[Vector], Vector]
     scale: float
@@ -160,29 +160,31 @@ class _Scaled:
         return self.signal(at) * self.scale + self.zero
 
 
-def _called(function: Callable[[float], Any], name: str) -> Callable[[Vector], Vector]:
-    """The function at many instants."""
+def _vectorised(function: Callable[[float], Any], name: str) -> Callable[[Vector], Vector]:
+    """Turn a function of one instant into one of many."""
 
     def signal(times: Vector) -> Vector:
-        found = np.empty(len(times))
+        values = np.empty(len(times))
         for k, t in enumerate(times.tolist()):
             try:
-                found[k] = float(function(t))
+                values[k] = float(function(t))
             except (TypeError, ValueError, ArithmeticError) as error:
                 raise UsageError(
                     "AC044",
                     f"input {name} at t = {t:.9g} s: {error}",
                     help="a function takes the time in s and returns one number",
                 ) from error
-            if not np.isfinite(found[k]):
-                raise UsageError("AC044", f"input {name} is {found[k]} at t = {t:.9g} s", help="return a finite number")
-        return found
+            if not np.isfinite(values[k]):
+                raise UsageError(
+                    "AC044", f"input {name} is {values[k]} at t = {t:.9g} s", help="return a finite number"
+                )
+        return values
 
     return signal
 
 
 def series_of(name: str, value: Any) -> tuple[TimeSeries, Callable[[Vector], Vector] | None]:
-    """The series behind data of any kind, and its values at any time where these are known better than by its rows."""
+    """Convert data of any kind to a series; the second item, if any, gives more accurate values between its rows."""
     if isinstance(value, TimeSeries):
         return value, None
     if isinstance(value, str):
@@ -208,14 +210,14 @@ def series_of(name: str, value: Any) -> tuple[TimeSeries, Callable[[Vector], Vec
     except (TypeError, ValueError) as error:
         raise UsageError(
             "AC044",
-            f"input {name} = {_short(value)} is no function of time: {error}",
+            f"input {name} = {_abbreviated(value)} is not a function of time: {error}",
             help="a number, a function of time, (times, values), rows (time, value), TimeSeries, a Result, "
             "a pandas Series, or 'file.csv:column'",
         ) from None
     return TimeSeries(time, values, name=f"input {name}"), None
 
 
-def _short(value: Any) -> str:
+def _abbreviated(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -226,12 +228,12 @@ def _of_result(result: Result, signal: str) -> tuple[TimeSeries, Callable[[Vecto
 
 
 def _of_pandas(name: str, value: Any) -> TimeSeries:
-    """A Series over time, or a DataFrame with a column of that name, or with one column only."""
+    """Convert a Series over time, or a DataFrame that has a column of that name, or a single column."""
     if hasattr(value, "columns"):
         named_columns = [(c, str(c).partition(" [")[0]) for c in value.columns]
-        place = clock_among([head for _, head in named_columns])
-        clock = [] if place is None else [value.columns[place]]
-        columns = [(c, head) for k, (c, head) in enumerate(named_columns) if k != place]
+        clock_index = clock_among([head for _, head in named_columns])
+        clock = [] if clock_index is None else [value.columns[clock_index]]
+        columns = [(c, head) for k, (c, head) in enumerate(named_columns) if k != clock_index]
         fitting = [c for c, head in columns if head == name or len(columns) == 1]
         if len(fitting) != 1:
             raise UsageError(
@@ -245,19 +247,19 @@ def _of_pandas(name: str, value: Any) -> TimeSeries:
     else:
         time, column, label, head = value.index, value, str(value.name), str(value.index.name)
     unit, second = (text.partition(" [")[2].rstrip("] ") for text in (label, head))
-    declared = getattr(column, "attrs", {}).get("units", "")  # of a whole frame, which its columns inherit, or its own
+    declared = getattr(column, "attrs", {}).get("units", "")  # one unit, or those of a frame, which columns inherit
     unit = unit or str(declared.get(label, "") if isinstance(declared, Mapping) else declared)
     try:
         times = seconds(time, second)
     except (TypeError, ValueError, UnitError) as error:
-        raise UsageError("AC044", f"the index of the data for input {name} is no time in s: {error}") from None
+        raise UsageError("AC044", f"the index of the data for input {name} is not a time in s: {error}") from None
     return TimeSeries(times, column.to_numpy(dtype=np.float64), "linear", unit, f"input {name}")
 
 
 def _in_unit(
     name: str, declared: Declaration, series: TimeSeries, exact: Callable[[Vector], Vector] | None
 ) -> tuple[TimeSeries, Callable[[Vector], Vector] | None]:
-    """The series in the unit of the input, which is coherent, and its values at any time."""
+    """Convert a series, and its values at any time, to the unit of the input, which is coherent."""
     if not series.unit or series.unit == declared.unit:
         return series, exact
     try:
@@ -283,19 +285,19 @@ def _in_unit(
 
 
 def _covering(name: str, series: TimeSeries, start: float, stop: float) -> tuple[Vector, Vector]:
-    """The rows that the run needs: those inside, and one more at each end.
+    """Return the rows that the run needs: those inside, and one more at each end (four for splines).
 
     Raises UsageError: AC044 where the run begins before the series, or ends after it.
     """
     times, values = series.times, series.values
     slack = 1e-9 * (stop - start)
     if times[0] > start + slack or times[-1] < stop - slack:
-        both = max(times[0], start), min(times[-1], stop)
-        first, last = both if both[0] < both[1] else (times[0], times[-1])
+        overlap = max(times[0], start), min(times[-1], stop)
+        first, last = overlap if overlap[0] < overlap[1] else (times[0], times[-1])
         raise UsageError(
             "AC044",
             f"{series.name} goes from {times[0]:.9g} s to {times[-1]:.9g} s, the run from {start:.9g} to {stop:.9g} s",
-            cause="what an input is where it was not measured is not known",
+            cause="an input is unknown outside the time of its data",
             help=f"simulate from start_time={first:.12g} to stop_time={last:.12g}, "
             f"or give input {name} rows up to the end",
         )
@@ -303,13 +305,13 @@ def _covering(name: str, series: TimeSeries, start: float, stop: float) -> tuple
     last = min(int(np.searchsorted(times, stop, side="left")), len(times) - 1)
     if first == last:
         first = last - 1
-    margin = 3 if series.interpolation == "smooth" else 0  # a spline knows its neighbours
+    margin = 3 if series.interpolation == "smooth" else 0  # a spline depends on neighbouring rows
     rows = slice(max(first - margin, 0), last + margin + 1)
     return times[rows], values[rows]
 
 
 def _check_limits(name: str, declared: Declaration, values: Vector, slack: float) -> None:
-    """AC136 for values outside the declared limits by more than `slack`: results are as exact as their tolerance."""
+    """Raise AC136 for values outside the declared limits by more than `slack`, as results have errors themselves."""
     for value in (values.min(), values.max()):
         nearest = min(max(float(value), declared.min), declared.max)
         if abs(nearest - value) > slack:
@@ -317,7 +319,7 @@ def _check_limits(name: str, declared: Declaration, values: Vector, slack: float
 
 
 def _smooth(name: str, times: Vector, values: Vector, error: float, exact: Callable[[Vector], Vector] | None) -> Pieces:
-    """A spline between jumps; the result's own values where it has some and the spline is not as good."""
+    """Interpolate by splines between jumps, or by `exact` values where a spline through the rows is too inaccurate."""
     from scipy.interpolate import CubicSpline
 
     doubles = (np.flatnonzero(np.diff(times) == 0.0) + 1).tolist()
@@ -327,10 +329,10 @@ def _smooth(name: str, times: Vector, values: Vector, error: float, exact: Calla
         t, v = times[i:j], values[i:j]
         chord = v[0] + (v[-1] - v[0]) * ((t - t[0]) / (t[-1] - t[0]))
         if float(np.abs(chord - v).max()) <= error and (j - i > 2 or exact is None):
-            curves.append(_Chords(t, v))
+            curves.append(_StraightLines(t, v))
         elif j - i < 8:
             curves.append(exact or CubicSpline(t, v))
-        else:  # every second point left out: sixteen times the error
+        else:  # a spline through every second point has sixteen times the error
             off = float(np.abs(CubicSpline(t[::2], v[::2])(t[: len(t[::2]) * 2 - 1]) - v[: len(t[::2]) * 2 - 1]).max())
             curves.append(exact if exact is not None and off > 16.0 * error else CubicSpline(t, v))
     knots = np.array([*(times[i] for i, _ in bounds), times[bounds[-1][1] - 1]])

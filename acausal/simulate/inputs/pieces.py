@@ -1,8 +1,8 @@
-"""A signal over time as polynomials: the run is cut where one ends, and nowhere else.
+"""Approximation of a signal over time by polynomials; the run is cut only where one of them ends.
 
-Measured values that a solver could not tell from a smooth curve become one polynomial over as many of them as possible;
-noise is followed from instant to instant. What is left out is a share of the tolerance, relative to the size of the
-signal's variation. Polynomials pass through the signal at both ends, so that they make no jumps of their own.
+Each polynomial covers as many measured values as possible, as long as a solver could not distinguish it from them;
+noise is followed from value to value. The allowed error is a fraction of the tolerance, relative to the size of the
+signal's variation. Polynomials agree with the signal at both ends, so that they add no jumps.
 """
 
 from __future__ import annotations
@@ -18,27 +18,28 @@ from acausal.errors import UsageError
 from acausal.lower.chebyshev import INPUT_DEGREE, INPUT_WIDTH, between, fitted, value
 
 Signal = Callable[[Vector], Vector]
-# Pieces in which a function is looked at first: a pulse of a thousandth of the run is seen.
+# Pieces into which a function is divided first, enough to detect a pulse of a thousandth of the run.
 _FIRST = 64
 _MOST = 20_000
-# The shortest piece by the run, and the instants between those of the polynomial at which it is compared.
+# The shortest piece, relative to the run.
 _SHORTEST = 1e-11
+# Points between the nodes of a polynomial, on [-1, 1], at which it is compared with the signal.
 _BETWEEN = -np.cos(np.pi * (np.arange(INPUT_DEGREE) + 0.5) / INPUT_DEGREE)
-# Stretches between instants that are no longer tried as one polynomial, but as straight lines.
+# So few intervals between rows are not tried as one polynomial, but as straight lines.
 _FEW = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Polynomials one after the other."""
+    """Consecutive polynomials."""
 
-    breaks: Vector  # where they begin, and where the last one ends [s]; shape (n + 1,)
-    numbers: Vector  # centre, one over half the width, and coefficients of each; shape (n, INPUT_WIDTH)
+    breaks: Vector  # where each begins, and where the last one ends [s]; shape (n + 1,)
+    numbers: Vector  # centre, inverse of half the width, and coefficients of each; shape (n, INPUT_WIDTH)
 
     def at(self, times: Vector) -> Vector:
         """The numbers of the pieces in which n instants lie, shape (n, INPUT_WIDTH)."""
-        place = np.searchsorted(self.breaks, times, side="right") - 1
-        return np.asarray(self.numbers[np.clip(place, 0, len(self.numbers) - 1)])
+        piece = np.searchsorted(self.breaks, times, side="right") - 1
+        return np.asarray(self.numbers[np.clip(piece, 0, len(self.numbers) - 1)])
 
     @property
     def jumps(self) -> Vector:
@@ -50,10 +51,10 @@ class Pieces:
 
 
 def _row(a: float, b: float, coefficients: Vector) -> Vector:
-    found = np.zeros(INPUT_WIDTH)
-    found[:2] = 0.5 * (a + b), 2.0 / (b - a)
-    found[2 : 2 + len(coefficients)] = coefficients
-    return found
+    row = np.zeros(INPUT_WIDTH)
+    row[:2] = 0.5 * (a + b), 2.0 / (b - a)
+    row[2 : 2 + len(coefficients)] = coefficients
+    return row
 
 
 def _joined(parts: Sequence[tuple[float, float, Vector]]) -> Pieces:
@@ -62,7 +63,7 @@ def _joined(parts: Sequence[tuple[float, float, Vector]]) -> Pieces:
 
 
 def held(times: Vector, values: Vector) -> Pieces:
-    """Each value up to the next instant; equal ones in a row are one piece."""
+    """Hold each value up to the next instant; consecutive equal values become one piece."""
     starts = [0, *(k for k in range(1, len(times) - 1) if values[k] != values[k - 1] or times[k] == times[k + 1])]
     starts = [k for k in starts if times[k] < times[k + 1]]
     ends = [float(times[k]) for k in starts[1:]] + [float(times[-1])]
@@ -75,7 +76,7 @@ def steps(times: Vector, values: Vector) -> Pieces:
 
 
 def straight(times: Vector, values: Vector, error: float) -> Pieces:
-    """Straight lines through n points, both arrays of shape (n,), or polynomials within `error` of them, if fewer."""
+    """Interpolate linearly through n points (arrays of shape (n,)), with polynomials within `error` where fewer do."""
     parts: list[tuple[float, float, Vector]] = []
     doubles = (np.flatnonzero(np.diff(times) == 0.0) + 1).tolist()
     for first, last in zip([0, *doubles], [*doubles, len(times)], strict=True):
@@ -85,7 +86,7 @@ def straight(times: Vector, values: Vector, error: float) -> Pieces:
 
 
 def _lines(times: Vector, values: Vector, error: float) -> list[tuple[float, float, Vector]]:
-    """Without jumps: polynomials over intervals that are halved where they are too far off."""
+    """Approximate a polyline without jumps by polynomials, over intervals that are divided until they meet `error`."""
     parts: list[tuple[float, float, Vector]] = []
     stack = [(0, len(times) - 1)]
     while stack:
@@ -97,14 +98,14 @@ def _lines(times: Vector, values: Vector, error: float) -> list[tuple[float, flo
         nodes = np.interp(between(a, b, INPUT_DEGREE), times[i : j + 1], values[i : j + 1])
         coefficients = fitted(nodes)
         seen = np.append(times[i + 1 : j], 0.5 * (times[i:j] + times[i + 1 : j + 1]))
-        off = np.abs(
+        errors = np.abs(
             value(coefficients, (2 * seen - a - b) / (b - a)) - np.interp(seen, times[i : j + 1], values[i : j + 1])
         )
-        worst = float(off.max())
+        worst = float(errors.max())
         if worst <= error:
             parts.append((a, b, coefficients))
             continue
-        # noise needs no second look at intervals half as long
+        # a large error suggests noise, for which halving would only waste fits
         count = 2 if worst <= 1e3 * error else 8
         marks = np.unique(np.linspace(i, j, count + 1).round().astype(int)).tolist()
         stack += list(pairwise(marks))[::-1]
@@ -112,7 +113,7 @@ def _lines(times: Vector, values: Vector, error: float) -> list[tuple[float, flo
 
 
 def _chords(times: Vector, values: Vector, i: int, j: int, error: float) -> list[tuple[float, float, Vector]]:
-    """Straight lines over as many points as stay within the error."""
+    """Straight lines, each over as many points as it fits within the error."""
     parts = []
     while i < j:
         end = j
@@ -128,12 +129,12 @@ def _chords(times: Vector, values: Vector, i: int, j: int, error: float) -> list
 
 
 def sampled(signal: Signal, knots: Vector, error: float, name: str) -> Pieces:
-    """A function, within `error` as far as it was looked at; `knots` are where it may jump or have a kink.
+    """Approximate a function within `error` at the sampled instants; it may have jumps or kinks at `knots` [s].
 
-    Intervals are halved until the polynomial through eight values is right at seven others; then neighbours are joined
-    again as far as one polynomial does for both.
+    Intervals are halved until the polynomial through eight values agrees at seven others; then neighbours are joined
+    again as long as one polynomial fits both.
 
-    Raises UsageError: AC044 for a function that keeps changing however closely one looks.
+    Raises UsageError: AC044 for a function that varies on every time scale.
     """
     span = float(knots[-1] - knots[0])
     parts: list[tuple[float, float, Vector]] = []
@@ -148,9 +149,9 @@ def sampled(signal: Signal, knots: Vector, error: float, name: str) -> Pieces:
 
 
 def _fit(signal: Signal, a: float, b: float) -> tuple[Vector, float]:
-    """Coefficients on [a, b], and how far they are off between their points."""
+    """Coefficients on [a, b], and the largest error between the nodes."""
     inner = between(a, b, INPUT_DEGREE)
-    # just inside: at a jump at the end the value of this side counts
+    # just inside, so that the value of this side counts at a jump
     inner[0], inner[-1] = np.nextafter(a, b), np.nextafter(b, a)
     coefficients = fitted(signal(inner))
     seen = 0.5 * (a + b) + 0.5 * (b - a) * _BETWEEN
@@ -161,23 +162,23 @@ def _halved(
     signal: Signal, a: float, b: float, error: float, span: float, name: str
 ) -> list[tuple[float, float, Vector]]:
     parts: list[tuple[float, float, Vector]] = []
-    first, stack, looks = a, [(a, b)], 0
+    first, stack, fits = a, [(a, b)], 0
     while stack:
         a, b = stack.pop()
-        looks += 1
+        fits += 1
         coefficients, off = _fit(signal, a, b)
         if off <= error:
             parts.append((a, b, coefficients))
         elif b - a > _SHORTEST * max(span, abs(a), abs(b)):
             middle = 0.5 * (a + b)
             stack += [(middle, b), (a, middle)]
-        # else there is a jump in between: its neighbours meet there
-        if looks > _MOST:
+        # else there is a jump inside, and `_closed` joins the neighbours there
+        if fits > _MOST:
             raise UsageError(
                 "AC044",
-                f"{name} keeps changing between t = {first:.6g} s and {b:.6g} s: polynomials do not follow it",
-                cause="a function is sampled until a polynomial of degree 7 passes through what lies between",
-                help="noise is a series: sample it yourself and give TimeSeries(time, value)",
+                f"{name} varies too fast between t = {first:.6g} s and {b:.6g} s: polynomials cannot follow it",
+                cause="a function is sampled until polynomials of degree 7 agree with it between the samples",
+                help="if it is noise, sample it yourself and give TimeSeries(time, value)",
             )
     return parts
 
@@ -185,25 +186,25 @@ def _halved(
 def _merged(
     signal: Signal, parts: list[tuple[float, float, Vector]], error: float
 ) -> list[tuple[float, float, Vector]]:
-    found: list[tuple[float, float, Vector]] = []
+    merged: list[tuple[float, float, Vector]] = []
     for part in parts:
-        found.append(part)
-        while len(found) > 1 and found[-2][1] == found[-1][0]:
-            a, b = found[-2][0], found[-1][1]
+        merged.append(part)
+        while len(merged) > 1 and merged[-2][1] == merged[-1][0]:
+            a, b = merged[-2][0], merged[-1][1]
             coefficients, off = _fit(signal, a, b)
             if off > error:
                 break
-            found[-2:] = [(a, b, coefficients)]
-    return found
+            merged[-2:] = [(a, b, coefficients)]
+    return merged
 
 
 def _closed(parts: list[tuple[float, float, Vector]], first: float, last: float) -> list[tuple[float, float, Vector]]:
-    """Without the slivers in which jumps lie: what is before lasts to what follows."""
-    found = []
+    """Close the gaps around jumps: each polynomial is extended to the beginning of the next one."""
+    closed = []
     for k, (a, b, coefficients) in enumerate(parts):
         begin, end = a if k else first, parts[k + 1][0] if k + 1 < len(parts) else last
         if (begin, end) != (a, b):  # the same polynomial, a little further
             inside = (2.0 * between(begin, end, INPUT_DEGREE) - (a + b)) / (b - a)
             coefficients = fitted(value(coefficients, np.clip(inside, -1.0, 1.0)))
-        found.append((begin, end, coefficients))
-    return found
+        closed.append((begin, end, coefficients))
+    return closed

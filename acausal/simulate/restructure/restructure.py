@@ -1,14 +1,15 @@
 """Runs of models whose structure follows their state: contacts that are in the equations only while they can touch.
 
-What takes part are components with a choice of structures (`acausal.language.choices`), such as
-`library/contact/scene/scene.py`. The model itself stays as it is: a run goes from one frozen choice to the next, and
-compiles the model with it.
+The components concerned have a choice of structures (`acausal.language.choices`), such as
+`library/contact/scene/scene.py`. The model itself does not change: a run goes from one frozen choice to the next, and
+compiles the model with each.
 
-A run of one structure has the contacts as a source of stops: it is looked at what has been recorded, less and less
-often; as long as nothing is used up, the run goes on. Where something is, the rows beyond are cut, the run ends, and
-the next one begins there with a structure chosen anew. This is the neighbour list of molecular dynamics (L. Verlet,
-Physical Review 159 (1967) 98-103): the skin pays for steps, and no bound of the velocity has to be known. States keep
-their values by name over all structures, also while they are not in the equations.
+A run of one structure has the contacts as a source of stops, at which the recorded rows are checked. The checks become
+less frequent as long as the skin of the contacts is not used up, and the run continues. Where the skin is used up, the
+rows after that are cut, the run ends, and the next one begins there with a new choice. This is the neighbour list of
+molecular dynamics (L. Verlet, Physical Review 159 (1967) 98-103): a thicker skin needs fewer checks, and no bound of
+the velocity has to be known. States keep their values by name over all structures, also while they are not in the
+equations.
 """
 
 from __future__ import annotations
@@ -43,35 +44,38 @@ RunPiece = Callable[
     [CompiledModel, Options, "Start | None", Array, bool, "tuple[Source, ...]", Progress | None], Result
 ]
 """One run: `(compiled, options, start, outputs, whether initial() is true at its start, sources, progress)`."""
-Seen = Mapping[str, Mapping[str, Array]]
-"""What the components watch, by path and name within the component."""
+Watched = Mapping[str, Mapping[str, Array]]
+"""Values of the signals that the components watch, by path and by name within the component."""
 _log = logging.getLogger(__name__)
-_FIRST = 0.1
-_MOST_USED = 0.5
-# From so much on the structure is chosen anew at a look.
-_WORN = 0.25
-# The next look is where so much of what is left will have been used, as fast as it was until now.
-_MOST_FORESEEN = 0.3
-# And so many times as long as the last at most. With four times, a drill that comes down to a plate goes on without it
-# for so long that its run crawls (200 s for 1.4).
+# Time to the first check, as a fraction of the run.
+_FIRST_CHECK = 0.1
+# Increase of the used fraction of the skin from row to row above which the true maximum between them is uncertain.
+_MOST_INCREASE = 0.5
+# If more of the skin than this is used at a check, the structure is chosen again.
+_RENEWED = 0.25
+# The next check is when this fraction of the remaining skin will be used at the present rate.
+_USED_UNTIL_CHECK = 0.3
+# The time to the next check grows at most by this factor. With 4, a drill that approaches a plate is integrated without
+# it for so long that its run slows down (200 s instead of 1.4 s).
 _GROWTH = 2.0
-# Rows between two looks that are looked at, if there are more: those at events of one body are rows of all others.
-_ROWS = 64
+# Most rows that are examined between two checks: events of one body add rows for all others.
+_MOST_ROWS = 64
+# Fraction of the run below which the time to the next check counts as zero.
 _SHORTEST = 1e-9
 
 
 def lasting_names(model: Component) -> dict[str, str]:
-    """Beginnings of paths as they are in a model with all it may ever need, and as they are in results of its runs."""
+    """Beginnings of paths in the model with all parts it may ever need, and the ones that replace them in results."""
     return _labels({path: part.whole() for path, part in changing(model).items()})
 
 
 def opening(model: Component) -> dict[str, Choice]:
-    """The choices that a run begins with, by path; empty for a model whose structure never changes."""
+    """The choices with which a run begins, by path; empty for a model whose structure never changes."""
     return {path: part.least(False) for path, part in changing(model).items()}
 
 
 def _labels(choices: Mapping[str, Choice]) -> dict[str, str]:
-    """Beginnings of paths as they are with these choices, and as they are in results."""
+    """Beginnings of paths with these choices, and the ones that replace them in results."""
     return {named(path, own): named(path, kept) for path, c in choices.items() for own, kept in c.labels()}
 
 
@@ -79,79 +83,79 @@ def _labels(choices: Mapping[str, Choice]) -> dict[str, str]:
 class Skin:
     """The contacts of one structure, as a source of stops.
 
-    `watch` reads what the components watch, `before` is what it was when their structures were chosen; `length` is the
-    time to the next look [s].
+    `watch` reads the signals that the components watch. `reference` holds their values when the structures were chosen.
+    `length` is the time to the next check, and `stop` the end of the run [s].
     """
 
     watch: Watch
     choices: dict[str, Choice]
-    before: Mapping[str, Mapping[str, Array]]
+    reference: Mapping[str, Mapping[str, Array]]
     length: float
     stop: float
-    _from: float = -np.inf
+    _start: float = -np.inf
     _rows: int = 0
 
     def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
         """The next check of the skin, which is no event."""
-        self._from = here
+        self._start = here
         end = until if here + 1.2 * self.length >= self.stop else here + self.length
         return min(end, until), ()
 
     def set_modes(self, modes: Array) -> None:
-        """Contacts have no modes of time."""
+        """Do nothing: contacts have no modes of time."""
 
     def accepts(self, record: Recorder, events: Sequence[float], complete: bool) -> bool:
-        """Whether the structure still holds; rows from where it did not are cut."""
+        """Whether the structure is still valid; otherwise cuts the rows from where it was not."""
         first, self._rows = self._rows, record.count
-        rows = spread(record.count - first, _ROWS)
+        rows = evenly_spread(record.count - first, _MOST_ROWS)
         recorded = record.since(first, rows)
-        seen, times = self.watch.read(recorded), recorded.time
-        used = self._used(seen, len(times))
-        # between two rows that are far from each other there may have been more
-        wrong = (used > 1.0) | (np.diff(used, prepend=used[0]) > _MOST_USED)
-        span = record.time - self._from
-        if wrong.any():
-            good = _apart(record.times(first), int(rows[max(int(np.argmax(wrong)) - 1, 0)]))
-            # the row before the stop, if there is one: what has happened there happens again
-            record.cut(first + good if good > 0 else max(first - 1, 0))
-            self.length = max(record.time - self._from, self.length / 4)
+        watched, times = self.watch.read(recorded), recorded.time
+        used = self._used(watched, len(times))
+        # if the used fraction jumps between two rows, more may have been used in between
+        is_invalid = (used > 1.0) | (np.diff(used, prepend=used[0]) > _MOST_INCREASE)
+        span = record.time - self._start
+        if is_invalid.any():
+            valid = _before_event(record.times(first), int(rows[max(int(np.argmax(is_invalid)) - 1, 0)]))
+            # if no row is valid, keep the one before this stop, and repeat any event there
+            record.cut(first + valid if valid > 0 else max(first - 1, 0))
+            self.length = max(record.time - self._start, self.length / 4)
             return False
         last = float(used[-1])
-        holds = last <= _WORN or self._chosen_anew(seen)
-        left = 1.0 - last if last <= _WORN else 1.0
-        pace = max(last - float(used[0]), 1e-9) / span
-        self.length = min(_GROWTH * max(self.length, span), _MOST_FORESEEN * left / pace)
+        holds = last <= _RENEWED or self._choose_again(watched)
+        remaining = 1.0 - last if last <= _RENEWED else 1.0
+        rate = max(last - float(used[0]), 1e-9) / span
+        self.length = min(_GROWTH * max(self.length, span), _USED_UNTIL_CHECK * remaining / rate)
         return holds
 
-    def _chosen_anew(self, seen: Seen) -> bool:
-        """Choose for the last row; whether the equations are the same."""
-        now = at_row(seen, -1)
+    def _choose_again(self, watched: Watched) -> bool:
+        """Choose structures at the last row, and adopt them if the equations stay the same; whether they do."""
+        now = at_row(watched, -1)
         following = {path: c.following(now[path]) for path, c in self.choices.items()}
         if any(c.structure() != self.choices[path].structure() for path, c in following.items()):
             return False
-        self.choices, self.before = following, now
+        self.choices, self.reference = following, now
         return True
 
-    def _used(self, seen: Seen, rows: int) -> Array:
-        """How much of the skin is used up at each row [1]."""
+    def _used(self, watched: Watched, rows: int) -> Array:
+        """The fraction of the skin that is used up at each row, shape (rows,)."""
         used = np.zeros(rows)
         for path, choice in self.choices.items():
-            used = np.maximum(used, choice.moved(self.before[path], seen[path]))
+            used = np.maximum(used, choice.moved(self.reference[path], watched[path]))
         return used
 
 
-def at_row(seen: Seen, row: int) -> dict[str, dict[str, Array]]:
+def at_row(watched: Watched, row: int) -> dict[str, dict[str, Array]]:
     """Values of the watched signals at a row."""
-    return {path: {name: values[row] for name, values in own.items()} for path, own in seen.items()}
+    return {path: {name: values[row] for name, values in own.items()} for path, own in watched.items()}
 
 
-def spread(count: int, most: int) -> NDArray[np.int64]:
-    """The first and the last of so many rows, and `most` of those between them."""
+def evenly_spread(count: int, most: int) -> NDArray[np.int64]:
+    """Indices of at most `most` out of `count` rows, evenly spread from the first to the last."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
-def _apart(times: Array, row: int) -> int:
-    """The last row up to this one that is no side of an event."""
+def _before_event(times: Array, row: int) -> int:
+    """The last row up to this one that is not at an event, where two rows have the same time."""
     while row > 0 and times[row] in (times[row - 1], times[row + 1]):
         row -= 1
     return row
@@ -159,7 +163,7 @@ def _apart(times: Array, row: int) -> int:
 
 @dataclass
 class Pieces:
-    """A run of one structure after the other."""
+    """A run as a sequence of pieces, one for each structure."""
 
     recipe: Recipe
     options: Options
@@ -175,7 +179,7 @@ class Pieces:
     timings: dict[str, float] = field(default_factory=dict)
 
     def result(self) -> Result:
-        """Run, and put the pieces together."""
+        """Run, and join the pieces to one result."""
         opts = self.options
         self.choices = opening(self.recipe.model)
         if self.parameters:
@@ -183,15 +187,15 @@ class Pieces:
             check_overrides({renamed(p, whole): v for p, v in self.parameters.items()}, placed(self.recipe.model)[0])
         self.compile()
         t, stop = opts.start_time, opts.stop_time
-        # The poses at the start come from the start problem of the model without contacts.
+        # The start problem of the model without contacts gives the poses at the start.
         first = self.run(self._compiled, opts, None, np.zeros(0), False, (), None)
         self.keep(first, 0)
-        seen, grid, length = at_row(self.watch().read(first), 0), opts.grid(), _FIRST * opts.span
+        watched, grid, length = at_row(self.watch().read(first), 0), opts.grid(), _FIRST_CHECK * opts.span
         report = None if self.progress is None else self._report
         while t < stop:
-            if self.choose(seen, t):
+            if self.choose(watched, t):
                 self.compile()
-            skin = Skin(self.watch(), self.choices, seen, length, stop)
+            skin = Skin(self.watch(), self.choices, watched, length, stop)
             rest = replace(opts, start_time=t), self.start(), np.append(grid[(grid > t) & (grid < stop)], stop)
             try:
                 piece = self.run(self._compiled, *rest, not self.pieces, (skin,), report)
@@ -213,11 +217,11 @@ class Pieces:
             if "terminated" in piece.stats or not t < stop:
                 break
             self.keep(piece, -1)
-            seen = at_row(skin.watch.read(piece), -1)
+            watched = at_row(skin.watch.read(piece), -1)
         return self.joined()
 
     def _report(self, share: float, t: float) -> None:
-        """Tell how far the whole run is."""
+        """Report the progress of the whole run, not of the piece."""
         if self.progress is not None:
             self.progress((t - self.options.start_time) / self.options.span, t)
 
@@ -227,35 +231,35 @@ class Pieces:
         return self.compiled
 
     def compile(self) -> None:
-        """The equations for the structure as it is now."""
+        """Compile the model with the current choices."""
         self.compiled, timings = structure(self.recipe, self.present(), self.choices)
         self.compilations += 1
         for name, seconds in timings.items():
             self.timings[name] = self.timings.get(name, 0.0) + seconds
 
     def watch(self) -> Watch:
-        """The signals by which this structure is chosen."""
+        """The signals that decide about the current structure."""
         return Watch.of(self._compiled, {path: c.watched() for path, c in self.choices.items()})
 
     def present(self) -> dict[str, object]:
-        """Values of the parameters that are in this structure.
+        """Values of the parameters that exist in the current structure, by their names in it.
 
-        Numbers of contacts are those among all that may come about: what is the third of these may be the first now.
+        The caller numbers contacts among all possible ones: the third of these may be the first in this structure.
         """
         if not self.parameters:
             return {}
         lasting, own = lasting_names(self.recipe.model), {kept: name for name, kept in _labels(self.choices).items()}
-        found = {}
+        values = {}
         for path, value in self.parameters.items():
             kept = renamed(path, lasting)
             here = renamed(kept, own)
             if kept == path or here != kept:
-                found[here] = value
-        return found
+                values[here] = value
+        return values
 
-    def choose(self, seen: Mapping[str, Mapping[str, Array]], t: float) -> bool:
-        """Choose anew; notes what changed."""
-        before, self.choices = self.choices, {path: c.following(seen[path]) for path, c in self.choices.items()}
+    def choose(self, watched: Mapping[str, Mapping[str, Array]], t: float) -> bool:
+        """Choose structures again, and record the changes as events; whether there are any."""
+        before, self.choices = self.choices, {path: c.following(watched[path]) for path, c in self.choices.items()}
         changed = [path for path, choice in self.choices.items() if choice.structure() != before[path].structure()]
         for path in changed:
             names = ", ".join(label for _, label in self.choices[path].labels()) or "none"
@@ -264,14 +268,14 @@ class Pieces:
         return bool(changed)
 
     def keep(self, piece: Result, row: int) -> None:
-        """Remember the states."""
+        """Store the states at a row of a piece."""
         names, states = _labels(self.choices), self._compiled.states
         values = Watch.of(self._compiled, {"": states}).read(piece)[""]
         for name, lasting in zip(states, all_renamed(states, names), strict=True):
             self.memory[lasting] = float(values[name][row])
 
     def start(self) -> Start:
-        """States as remembered, or as declared where they are new."""
+        """The stored states, and the declared start values of new ones."""
         compiled = self._compiled
         names = _labels(self.choices)
         x, z = (np.array(v, dtype=float).ravel() for v in compiled.guess(np.array(compiled.parameter_values)))
@@ -280,17 +284,17 @@ class Pieces:
         return Start(x, z, ())
 
     def stuck(self, t: float) -> IntegrationError:
-        """The error for a skin that is used up in no time."""
+        """The error for a skin that is used up immediately after each change."""
         return IntegrationError(
             "AC406",
-            f"the structure of {type(self.recipe.model).__name__} would have to change all the time at t = {t:.9g} s",
+            f"the structure of {type(self.recipe.model).__name__} would have to change continually at t = {t:.9g} s",
             evidence=[f"changing: {', '.join(self.choices)}"],
-            cause="bodies move further than the skin of their scene in no time",
+            cause="bodies instantly move further than the skin of their scene",
             help="give ContactScene a larger skin, or keep all pairs: ContactScene(keep=1000)",
         )
 
     def joined(self) -> Result:
-        """One result over all pieces; signals that were not in the equations are nan there."""
+        """Join the pieces; signals are nan where they were not in the equations."""
         signals = Joined(self.pieces)
         time = np.concatenate([p.result.time for p in self.pieces])
         stats = dict(self.pieces[-1].result.stats)
@@ -315,7 +319,7 @@ class Pieces:
         return joined
 
     def remarks(self, joined: Result) -> list[str]:
-        """Messages of the components about the run."""
+        """Notes of the components on the run."""
 
         def largest(name: str) -> float:
             found = np.asarray(joined[name], dtype=float) if name in joined else np.zeros(1)

@@ -1,10 +1,10 @@
-"""Equations for each structure that runs of a model have had: a run that comes to one again finds it compiled.
+"""Cache of the compiled models for each structure, for runs that return to an earlier structure.
 
-A model is a recipe that does not change, and a choice says which structure it has (`Choice.structure`), so the two and
-the values of parameters decide the equations. Of another model with equal components nothing is known here: its
-equations are flattened, and recalled as those of any model are (`acausal.lower.cache.cache`). Where they turn out to
-be the same to the last value and place, the compiled model of the first serves both, with all that was made for its
-runs. Without flattening nobody would know: classes may read what is outside of them.
+A model is a recipe that does not change, and a choice says which structure it has (`Choice.structure`), so that these
+two and the values of parameters determine the equations. For a different model with equal components this key says
+nothing: its equations are flattened, and looked up like those of any model (`acausal.lower.cache.cache`). If they agree
+with those of a cached model in every value and source location, the cached model serves both, with everything that was
+built for its runs. Flattening is necessary, because classes may read data from outside themselves.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ def _nodes(entry: tuple[Component, CompiledModel]) -> int:
     return len(entry[1].solution.structure.reduced.pool.nodes)
 
 
-# The models are held, so that no other can be taken for them.
+# The models are kept alive, so that no other model can get the same id.
 _structures: Recent[tuple[Component, CompiledModel]] = Recent(_MOST, _nodes, _MOST_NODES)
 
 
 def structure(
     recipe: Recipe, parameters: Mapping[str, object], choices: Mapping[str, Choice]
 ) -> tuple[CompiledModel, Mapping[str, float]]:
-    """The compiled model for these choices, and how long each stage took, if it had to be compiled [s].
+    """Return the compiled model for these choices, and the duration of each stage if it had to be compiled [s].
 
-    `parameters` are those that are in it, by their names there.
+    `parameters` are those of this structure, by their names in it.
     """
     key = _key(recipe, parameters, choices)
-    known = None if key is None else _structures.get(key)
-    if known is not None:
-        return known[1], {}
+    cached = None if key is None else _structures.get(key)
+    if cached is not None:
+        return cached[1], {}
     compiled = compile(
         recipe.model,
         parameters=parameters,
@@ -59,48 +59,50 @@ def structure(
     )
     timings = dict(compiled.timings)
     if key is not None:
-        compiled = _equal(key, compiled) or compiled
+        compiled = _same_as(key, compiled) or compiled
         _structures.put(key, (recipe.model, compiled))
     return compiled, timings
 
 
-def _equal(key: tuple[Hashable, ...], compiled: CompiledModel) -> CompiledModel | None:
-    """What is known under another model, and is the same as this."""
-    known = (own for other, (_, own) in tuple(_structures.entries.items()) if other[1:] == key[1:])  # type: ignore[index]
-    return next((own for own in known if is_same(own.flat, compiled.flat)), None)
+def _same_as(key: tuple[Hashable, ...], compiled: CompiledModel) -> CompiledModel | None:
+    """A cached model of another component that agrees with this one; None if there is none."""
+    candidates = (own for other, (_, own) in tuple(_structures.entries.items()) if other[1:] == key[1:])  # type: ignore[index]
+    return next((own for own in candidates if is_same(own.flat, compiled.flat)), None)
 
 
 def is_same(one: FlatSystem, other: FlatSystem) -> bool:
-    """Whether two systems have the same equations, values and places.
+    """Whether two systems have the same equations, values and source locations.
 
-    The pool of a system that was recalled is that of the first: then only values and places can differ.
+    A system from the cache shares the pool of the first one; then only values and locations can differ.
     """
-    return one.pool is other.pool and all(_told(a) == _told(b) for a, b in zip(_rest(one), _rest(other), strict=True))
+    return one.pool is other.pool and all(
+        _contents(a) == _contents(b) for a, b in zip(_own_fields(one), _own_fields(other), strict=True)
+    )
 
 
-def _rest(flat: FlatSystem) -> Iterator[object]:
-    """What a recalled system does not share with the first."""
+def _own_fields(flat: FlatSystem) -> Iterator[object]:
+    """The fields that a system from the cache does not share with the first one."""
     return (getattr(flat, f.name) for f in fields(flat) if f.name != "pool")
 
 
-def _told(value: object) -> object:
-    """What a field of a flat system says; the written form of a statement follows from its place."""
+def _contents(value: object) -> object:
+    """The contents of a field of a flat system, without the text of statements, which their location determines."""
     if isinstance(value, Mapping):
-        return [(k, _told(v)) for k, v in value.items()]
+        return [(k, _contents(v)) for k, v in value.items()]
     named = getattr(value, "_asdict", None) if isinstance(value, tuple) else None
     if named is not None:
-        return [_told(v) for name, v in named().items() if name != "source"]
-    return [_told(v) for v in value] if isinstance(value, tuple | list) else value
+        return [_contents(v) for name, v in named().items() if name != "source"]
+    return [_contents(v) for v in value] if isinstance(value, tuple | list) else value
 
 
 def _key(
     recipe: Recipe, parameters: Mapping[str, object], choices: Mapping[str, Choice]
 ) -> tuple[Hashable, ...] | None:
-    """The key of a structure: all that determines its equations; None where that is uncertain."""
+    """The key of a structure: everything that determines its equations; None where that is uncertain."""
     if not recipe.cache or not all(type(v) in (int, float, str) for v in parameters.values()):
         return None
-    wishes = recipe.formulation, recipe.freeze, recipe.quasi_static, tuple(parameters.items())
-    return id(recipe.model), wishes, tuple((path, c.structure()) for path, c in choices.items())
+    compile_options = recipe.formulation, recipe.freeze, recipe.quasi_static, tuple(parameters.items())
+    return id(recipe.model), compile_options, tuple((path, c.structure()) for path, c in choices.items())
 
 
 Array = NDArray[np.float64]
@@ -108,22 +110,22 @@ Names = Mapping[str, Sequence[str]]
 
 
 def named(path: str, name: str) -> str:
-    """A name within a component, from outside."""
+    """The full name of a variable of a component."""
     return f"{path}.{name}" if path else name
 
 
 @dataclass(frozen=True, eq=False)
-class _Places:
-    """Where the entries of a watch are: those that move, by columns of a result; and names of the others.
+class _Layout:
+    """Where a result holds the entries of a watch: columns for those that vary, and names for the constant ones.
 
     Attributes
     ----------
     columns
         Columns of the result, each once.
     moving, at, signs
-        Of each entry that moves: its place, its column among those, and the sign with which it is there.
+        For each varying entry: its position in the watch, the index of its column in `columns`, and its sign.
     others
-        Places and names of the others.
+        Positions and names of the constant entries.
     """
 
     columns: list[int]
@@ -133,14 +135,16 @@ class _Places:
     others: list[tuple[int, str]]
 
     @classmethod
-    def of(cls, entries: Sequence[str], signals: Sequence[Signal]) -> _Places:
-        """Of entries with these signals."""
+    def of(cls, entries: Sequence[str], signals: Sequence[Signal]) -> _Layout:
+        """The layout of entries with these signals."""
         moving = [(k, s.column, s.sign) for k, s in enumerate(signals) if s.column is not None]
         columns = list(dict.fromkeys(column for _, column, _ in moving))
         place = {column: k for k, column in enumerate(columns)}
-        there, at = (np.array(v, dtype=np.int64) for v in ([k for k, *_ in moving], [place[c] for _, c, _ in moving]))
+        positions, at = (
+            np.array(v, dtype=np.int64) for v in ([k for k, *_ in moving], [place[c] for _, c, _ in moving])
+        )
         others = [(k, entries[k]) for k, s in enumerate(signals) if s.column is None]
-        return cls(columns, there, at, np.array([float(sign) for *_, sign in moving]), others)
+        return cls(columns, positions, at, np.array([float(sign) for *_, sign in moving]), others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,12 +152,12 @@ class Watch:
     """Signals by path of a component and name within it, with their entries in row-major order."""
 
     names: Mapping[str, Mapping[str, tuple[tuple[int, ...], tuple[str, ...]]]]
-    _known: list[_Places] = field(default_factory=list)
-    """Where they are, once it was asked for: the same in all results of a compiled model."""
+    _layouts: list[_Layout] = field(default_factory=list)
+    """The layout found at the first reading, which is the same in all results of a compiled model."""
 
     @classmethod
     def of(cls, compiled: CompiledModel, names: Names) -> Watch:
-        """For runs of a compiled model; kept for the next."""
+        """The watch for runs of a compiled model, cached for later runs."""
         made = _MADE.setdefault(compiled, {})
         key = tuple((path, *own) for path, own in names.items())
         if key not in made:
@@ -170,12 +174,12 @@ class Watch:
 
     def read(self, result: Result) -> dict[str, dict[str, Array]]:
         """Values by path and name, shape (n, *shape)."""
-        places, constants = self._places(result)
-        values = result.matrix[:, places.columns] if result.some is None else result.some(places.columns)
-        whole = np.empty((len(result.time), len(places.moving) + len(constants)))
-        whole[:, places.moving] = values[:, places.at] * places.signs + 0.0
-        for (place, _), value in zip(places.others, constants, strict=True):
-            whole[:, place] = value
+        layout, constants = self._layout(result)
+        values = result.matrix[:, layout.columns] if result.some is None else result.some(layout.columns)
+        whole = np.empty((len(result.time), len(layout.moving) + len(constants)))
+        whole[:, layout.moving] = values[:, layout.at] * layout.signs + 0.0
+        for (position, _), value in zip(layout.others, constants, strict=True):
+            whole[:, position] = value
         found: dict[str, dict[str, Array]] = {}
         at = 0
         for path, own in self.names.items():
@@ -185,16 +189,16 @@ class Watch:
                 at += len(elements)
         return found
 
-    def _places(self, result: Result) -> tuple[_Places, list[float]]:
-        """Where the entries are, and the values of those that do not move, which each result has its own of."""
-        for known in self._known:
-            others = [result.signals[name] for _, name in known.others]
+    def _layout(self, result: Result) -> tuple[_Layout, list[float]]:
+        """The layout of the entries, and the values of the constant ones, which differ from result to result."""
+        for layout in self._layouts:
+            others = [result.signals[name] for _, name in layout.others]
             if all(s.column is None for s in others):
-                return known, [s.value for s in others]
+                return layout, [s.value for s in others]
         entries = [e for own in self.names.values() for _, elements in own.values() for e in elements]
         signals = [result.signals[e] for e in entries]
-        places = _Places.of(entries, signals)
-        self._known[:] = [places]
+        places = _Layout.of(entries, signals)
+        self._layouts[:] = [places]
         return places, [signals[k].value for k, _ in places.others]
 
 
