@@ -93,7 +93,7 @@ def test_nothing_is_searched_behind_a_closed_gate(gate: str) -> None:
     known = arguments(compiled)
     assert known is not None
     modes = [compiled.all_modes(0.0, [s, 0.0, 0.0], [], [], [50.0]) for s in (0.0, 45.0)]
-    closed, opened = (known.awake(np.array(m).ravel()) for m in modes)
+    closed, opened = (known.are_active(np.array(m).ravel()) for m in modes)
     assert not closed.any()
     assert opened.any()
 
@@ -113,8 +113,8 @@ def test_what_is_inside_of_another_function_is_awake_with_it() -> None:
     known = arguments(compiled := acausal.compile(Turned()))
     assert known is not None
     on, off = (np.array(compiled.all_modes(0.0, [v], [], [], [0.3])).ravel() for v in (0.8, 0.2))
-    assert known.awake(on).all()
-    assert not known.awake(off).any()
+    assert known.are_active(on).all()
+    assert not known.are_active(off).any()
 
 
 class Bounced(Component):

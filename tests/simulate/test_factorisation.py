@@ -129,7 +129,7 @@ def exact(t: Any, n: int, i: int, h: float = 1.0, m: float | None = None) -> tup
 def test_states_come_back_in_their_own_places(
     solver: str, model: type[Component], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(counted, "_DOUBT", 0.0)  # LU for the one with algebraic variables, too
+    monkeypatch.setattr(counted, "_PIVOTING", 0.0)  # LU for the one with algebraic variables, too
     compiled = acausal.compile(model())
     assert len(compiled.algebraic) == (100 if model is Implicit else 0)
     used = scaled_equations(compiled, np.array(compiled.parameter_values), np.zeros(0)).factorisation

@@ -113,7 +113,7 @@ class MissedEvents:
         steep = arguments(problem.compiled) if problem.n_dynamic and segment.step is None else None
         if steep is None:
             return None
-        is_effective = steep.awake(segment.p)
+        is_effective = steep.are_active(segment.p)
         return _Search(self.solve, self.skip, problem, steep, is_effective) if is_effective.any() else None
 
 

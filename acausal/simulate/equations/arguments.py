@@ -1,4 +1,4 @@
-"""Arguments of steep functions in the equations of a model, as one function of its variables."""
+"""Arguments of the steep functions in the equations of a model, computed by one function of its variables."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.equations.levels import Levels
 
-# Functions that change by less than this factor, or of which less than this share of a step changes, are not steep.
+# Functions that change by less than this factor, or steps by less than this fraction of their height, are not steep.
 _MILD, _ROUNDING = 2.0, 1e-16
-# Sets of relations of which is kept what they put to sleep.
+# Combinations of modes for which the active functions are cached.
 _MOST_SETS = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Arguments:
-    """Arguments of k steep functions, their kinds (`acausal.analyse.events.steep`), and then their middles.
+    """Arguments of k steep functions, and after them the midpoints that belong to some of them.
 
-    `owners` are the arguments that these columns belong to, first each to itself.
+    The kinds of functions and their midpoints are those of `acausal.analyse.events.steep`. `owners` are the indices of
+    the arguments to which the columns belong, shape (columns,); each of the first k belongs to itself.
     """
 
     function: NarrowFunction
@@ -38,79 +39,81 @@ class Arguments:
     owners: NDArray[np.int64]
     effects: Effects
     along: Callable[[], Any]
-    """`(t, x, z, u, p, m, v) -> (columns, their slopes, heights, relative rates)`, by rates v of dynamic states.
+    """`(t, x, z, u, p, m, v) -> (columns, their rates, heights, relative rates)`, for rates v of the dynamic states.
 
-    Heights are those of `Levels.heights`. A relative rate is a bound of the rate of both, over their size [1/s].
+    Heights are those of `Levels.heights`. A relative rate bounds the rates of both heights, divided by them [1/s].
     """
 
-    def awake(self, m: Vector) -> NDArray[np.bool_]:
-        """Columns of functions on which rates depend while these modes are in force; shape of the columns."""
+    def are_active(self, m: Vector) -> NDArray[np.bool_]:
+        """Whether the rates depend on the functions of these columns in these modes, shape (columns,)."""
         return np.asarray(self.effects.of(m)[self.owners])
 
     def at(self, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
-        """All of them at n instants; states and algebraic variables have shapes (nx, n) and (nz, n)."""
+        """All columns at n instants, shape (n, columns); `x` and `z` have shapes (nx, n) and (nz, n)."""
         return self.function.many(times[:, None], x.T, z.T, u, p, m)
 
     def are_steep(self, values: Vector) -> NDArray[np.bool_]:
-        """Whether these columns belong to functions that are steep where their arguments go; shape of the columns.
+        """Whether the columns belong to functions that are steep in the range of their arguments, shape (columns,).
 
-        Arguments may go as far beyond their values at the n instants as they go from any of them to the next.
+        That range extends the values at the n instants, shape (n, columns), by the largest change from any instant to
+        the next.
         """
-        own = values[:, : self.levels.count]
-        beyond = np.abs(np.diff(own, axis=0)).max(axis=0, initial=0.0)
-        ends = np.stack([own.min(axis=0) - beyond, own.max(axis=0) + beyond])
+        arguments = values[:, : self.levels.count]
+        margin = np.abs(np.diff(arguments, axis=0)).max(axis=0, initial=0.0)
+        ends = np.stack([arguments.min(axis=0) - margin, arguments.max(axis=0) + margin])
         heights = self.levels.heights(ends)
         heights = np.where(self.levels.is_step, np.maximum(heights, _ROUNDING), heights)
         change = heights.max(axis=0) / _MILD > heights.min(axis=0)
-        through = self.levels.may_turn & (ends[0] <= 0.0) & (ends[1] >= 0.0)
-        return np.asarray((change.any(axis=0) | through)[self.owners])
+        passes_zero = self.levels.may_turn & (ends[0] <= 0.0) & (ends[1] >= 0.0)
+        return np.asarray((change.any(axis=0) | passes_zero)[self.owners])
 
 
 class Effects:
-    """On which steep functions rates and residuals depend while relations are as they are.
+    """Determines the steep functions on which rates and residuals depend in given modes.
 
-    The friction of a contact is a factor of a force that is zero while nothing touches: nothing is searched there.
+    For example the friction of a contact is multiplied by a force that is zero while nothing touches, so that its
+    function needs no search then.
     """
 
     def __init__(self, compiled: CompiledModel) -> None:
         self._symbols = Symbols(compiled)
-        self._known: dict[bytes, NDArray[np.bool_]] = {}
+        self._active_by_modes: dict[bytes, NDArray[np.bool_]] = {}
         events, timely = compiled.state_events, len(compiled.time_events.relations)
         first = compiled.n_modes - len(events.relations)
-        self._decided = [*range(timely), *range(first, compiled.n_modes)]
-        self._uses = tuple(places for _, places in compiled.narrow.functions)
-        # of a regime the rates are others; an argument whose function is not known is never asleep
-        unknown = set(range(len(compiled.narrow.arguments))).difference(*self._uses)
-        self._always = np.array([compiled.varied or j in unknown for j in range(len(compiled.narrow.arguments))])
-        self._change = ca.SX.sym("change", len(self._uses))
-        self._rates: Any = None if self._always.all() else self._changed(compiled)
+        self._relation_modes = [*range(timely), *range(first, compiled.n_modes)]
+        self._arguments_of = tuple(places for _, places in compiled.narrow.functions)
+        # the rates of a regime are different, and an argument whose function is unknown always counts as active
+        unknown = set(range(len(compiled.narrow.arguments))).difference(*self._arguments_of)
+        self._always_active = np.array([compiled.varied or j in unknown for j in range(len(compiled.narrow.arguments))])
+        self._change = ca.SX.sym("change", len(self._arguments_of))
+        self._rates: Any = None if self._always_active.all() else self._with_changes(compiled)
 
     def of(self, m: Vector) -> NDArray[np.bool_]:
-        """The arguments of those functions, shape (k,)."""
+        """Whether each argument belongs to an active function, shape (k,)."""
         if self._rates is None:
-            return self._always
-        key = m[self._decided].tobytes()
-        if key not in self._known:
-            if len(self._known) >= _MOST_SETS:
-                return np.ones_like(self._always)
-            self._known[key] = self._found(m)
-        return self._known[key]
+            return self._always_active
+        key = m[self._relation_modes].tobytes()
+        if key not in self._active_by_modes:
+            if len(self._active_by_modes) >= _MOST_SETS:
+                return np.ones_like(self._always_active)
+            self._active_by_modes[key] = self._active_in(m)
+        return self._active_by_modes[key]
 
-    def _found(self, m: Vector) -> NDArray[np.bool_]:
-        """Where nothing of a function is left once modes are numbers, it has no effect."""
+    def _active_in(self, m: Vector) -> NDArray[np.bool_]:
+        """The active arguments: their functions remain in the rates after modes are replaced by numbers, shape (k,)."""
         *given, modes = self._symbols.inputs
         modes = ca.SX(modes)
-        for k in self._decided:
+        for k in self._relation_modes:
             modes[k] = m[k]
-        left = self._rates(*given, modes, self._change)
-        found = self._always.copy()
-        for places, counts in zip(self._uses, ca.which_depends(left, self._change, 1, False), strict=True):
-            found[list(places)] |= counts
-        return found
+        rates = self._rates(*given, modes, self._change)
+        active = self._always_active.copy()
+        for places, counts in zip(self._arguments_of, ca.which_depends(rates, self._change, 1, False), strict=True):
+            active[list(places)] |= counts
+        return active
 
-    def _changed(self, compiled: CompiledModel) -> Any:
-        """Rates and residuals, in which something is added to each of the functions, and kinks are what they tell."""
-        # as the equations were written: what stands for a function beyond a guard has no place of its own
+    def _with_changes(self, compiled: CompiledModel) -> Any:
+        """Rates and residuals with a symbol added to each function, and with kinks and relations decided by modes."""
+        # In the equations as written: where a guard replaces a function, it could not be varied separately.
         builder = self._symbols.builder(compiled)
         solution, pool = compiled.solution, builder.pool
         definitions = [d for d in solution.definitions if d[0] in solution.needed]
@@ -120,9 +123,9 @@ class Effects:
         modes = {n: self._symbols.m[first + k] for k, n in enumerate(compiled.state_events.relations)}
         known = sides(pool, modes)
         for number in pool.reachable([*(n for _, n in definitions), *solution.residuals]):
-            told = deciding_relation(pool, number, known)
-            if told is not None and number not in modes:
-                truth = modes[told[0]] if told[1] else 1 - modes[told[0]]
+            decision = deciding_relation(pool, number, known)
+            if decision is not None and number not in modes:
+                truth = modes[decision[0]] if decision[1] else 1 - modes[decision[0]]
                 changes[number] = partial(_on_one_side, pool.nodes[number][0], truth)
         for (number, _), change in zip(compiled.narrow.functions, ca.vertsplit(self._change), strict=True):
             changes[number] = partial(_plus, change, pool.nodes[number][0])
@@ -133,7 +136,7 @@ class Effects:
 
 
 def _on_one_side(op: str, truth: Any, operands: list[Any]) -> Any:
-    """A kink of which the first operand is the larger one, or not; a relation that holds, or not."""
+    """A kink as one of its operands, by the mode that says which is larger; for a relation its mode."""
     if op not in KINKS:
         return truth
     a, b = operands if len(operands) == 2 else (operands[0], -operands[0])
@@ -148,7 +151,7 @@ _MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
 
 
 def arguments(compiled: CompiledModel) -> Arguments | None:
-    """Those of a model; None where no rate depends on such a function."""
+    """The arguments of the steep functions of a model; None if no rate depends on such a function."""
     compiled = compiled.common
     if compiled not in _MADE:
         _MADE[compiled] = _made(compiled)
@@ -183,12 +186,13 @@ def _along(symbols: Symbols, column: Any, kinds: tuple[Kind, ...], n: int) -> An
 
 
 def _relative(kind: Kind, argument: Any, rate: Any) -> Any:
-    """The largest rate of what `_both_ends` are, relative to their size, at this rate of the argument."""
+    """A bound on the rates of both results of `_both_ends`, divided by them, for this rate of the argument."""
     if kind == "tanh":
         return 2.0 * rate
     if isinstance(kind, Base):
         return abs(kind.rate) * rate
-    return abs(kind) * rate / ca.fabs(argument) if isinstance(kind, float) else rate  # that of others is at most one
+    # the logarithmic derivative of the other kinds is at most one
+    return abs(kind) * rate / ca.fabs(argument) if isinstance(kind, float) else rate
 
 
 def _both_ends(kind: Kind, argument: Any) -> tuple[Any, Any]:

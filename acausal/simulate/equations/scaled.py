@@ -1,9 +1,10 @@
-"""The equations of a model, scaled: as CasADi's integrators get them.
+"""The scaled equations of a model, in the forms that CasADi's integrators take.
 
-What parameters and inputs alone determine is computed once per run, which halves the operations of a drill on its
-guide. It is an argument, so that functions and integrators serve all runs, whatever their parameters: ThickBlock makes
-43 integrators, a quarter of a first run. In large models it is numbers in the expressions instead, which evaluate up to
-a fifth faster there, and functions and integrators are kept for the last few values.
+Values that parameters and inputs alone determine are computed once per run, which halves the operations of a drill on
+its guide. They are arguments of the equations, so that functions and integrators serve runs with any parameters:
+ThickBlock builds 43 integrators, which takes a quarter of a first run. In large models these values are numbers in the
+expressions instead, which evaluate up to a fifth faster there; functions and integrators are then cached for the last
+few sets of values.
 """
 
 from __future__ import annotations
@@ -27,41 +28,40 @@ from acausal.simulate.equations.factorisation import FEW, Factorisation, factori
 from acausal.simulate.native.columns import is_long
 from acausal.simulate.native.equations import equations
 
-_DAE_IN = ["t", "x", "z", "p", "u"]
-_DAE_OUT = ["ode", "alg", "quad", "zero"]
-# Forms of the equations, and integrators for each of these, that are kept: of models of many unknowns as many as have
-# so many together, one at least.
+_DAE_INPUTS = ["t", "x", "z", "p", "u"]
+_DAE_OUTPUTS = ["ode", "alg", "quad", "zero"]
+# Cached forms of the equations, and cached integrators for each form: for large models, only as many integrators as
+# have `_UNKNOWNS` together, at least one.
 _FORMS, _INTEGRATORS, _UNKNOWNS = 4, 128, 128_000
-# Instructions of equations whose parameters are arguments.
-_LARGEST_SHARED = 2000
-# What integrators derive from the equations, by CasADi's names.
+# Equations with more instructions have the values of parameters as numbers.
+_LARGEST_WITH_ARGUMENTS = 2000
+# Functions that integrators derive from the equations, by CasADi's names.
 _DERIVED = "daeF", "jacF"
-# Those that ask for a Jacobian with every Newton matrix.
+# Plugins that evaluate a Jacobian for every Newton matrix.
 _MULTISTEP = frozenset(("idas", "cvodes"))
 LARGEST = 1e100
-"""Scaled rates and residuals beyond it are none."""
+"""Larger scaled rates and residuals count as not finite."""
 UNIT = 2.0**20
-"""How long a stretched interval is: its shortest piece is far from what SUNDIALS' interfaces take for nothing."""
-# What is left of an algebraic equation at its root, as a share of what its unknowns can make of it, and of the size of
-# its terms; and the iterations to it.
+"""Length of a stretched interval: its shortest piece is far longer than what SUNDIALS' interfaces treat as zero."""
+# Residual of an algebraic equation at its root, relative to the terms of its unknowns, and to all of its terms; and the
+# iterations to find the root.
 _ROOT, _ROUNDING = 1e-8, 1e-12
 _MOST_ITERATIONS = 40
 
 
-# Of a form of the equations: plugin, hash, whether compiled code may be used, and thread.
+# Key of a form of the equations: plugin, hash, whether compiled code may be used, and thread.
 _Form = tuple[str, int, bool, int]
 
 
 class ScaledEquations:
     """Equations of `compiled`.
 
-    The parameter vector of all forms is `[c, m, d, shift]`: what parameters and inputs alone determine, modes of
-    events, discrete variables, and the time at which a segment starts (a CasADi integrator has its time frozen at
-    construction).
+    The parameter vector of all forms is `[c, m, d, shift]`: values that parameters and inputs alone determine, modes of
+    events, discrete variables, and the start of the segment (a CasADi integrator has fixed times, so it begins at 0).
     """
 
     def __init__(self, compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> None:
-        """For parameters that are zero at `zeros`, or with these `values` of p and u as numbers; c is empty then."""
+        """Build for parameters that are zero at `zeros`, or with these `values` of p and u as numbers and empty c."""
         self.n, self.nq, self.nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
         self.nz, self.nm = len(compiled.algebraic), compiled.n_modes
         self._rhs = compiled.rhs
@@ -77,18 +77,18 @@ class ScaledEquations:
         self._derived: Recent[tuple[Any, dict[str, Any]]] = Recent(_FORMS)
         self._reused: dict[_Form, tuple[Any, Reused]] = {}
         self._in_columns: dict[_Form, tuple[Any, InColumns | None]] = {}
-        self._slowed: dict[tuple[int, float], Any] = {}
-        self._measured: dict[int, Any] = {}
+        self._in_unit_of_time: dict[tuple[int, float], Any] = {}
+        self._in_units: dict[int, Any] = {}
         self._stretched: dict[int, Any] = {}
         self._reordered: dict[int, Any] = {}
 
     @property
     def is_shared(self) -> bool:
-        """Whether it serves all parameters that are zero at the same places."""
+        """Whether the equations serve all parameter values with the same zeros."""
         return self._shared is not None
 
     def constants(self, p: Vector, u: Vector) -> Vector:
-        """What parameters and inputs alone determine, c."""
+        """The values c that parameters and inputs alone determine."""
         return np.zeros(0) if self._shared is None else self._constants(p, u)[0]
 
     @cached_property
@@ -110,7 +110,7 @@ class ScaledEquations:
     def dae(self) -> Any:
         """`(t, x, z, p, u) -> (ode, alg, quad, zero)` for integrators that take algebraic variables.
 
-        SX, or MX with each pattern of repeated components once (`acausal.lower.columns.mapped`).
+        It is an SX function, or MX with each pattern of repeated components once (`acausal.lower.columns.mapped`).
         """
         if self._shared is not None:
             return self._shared
@@ -121,7 +121,7 @@ class ScaledEquations:
                 return form.dae(self._scale_x, self._scale_z, constants)
         t, x, z, p, ode, alg = self.scaled
         none = ca.SX(0, 1)
-        return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_IN, _DAE_OUT)
+        return ca.Function("dae", [t, x, z, p, ca.SX.sym("u", 0)], [ode, alg, none, none], _DAE_INPUTS, _DAE_OUTPUTS)
 
     @cached_property
     def buffered(self) -> BufferedFunction:
@@ -130,9 +130,9 @@ class ScaledEquations:
 
     @cached_property
     def ode(self) -> Any:
-        """The same without algebraic variables: a rootfinder solves for them; its start is appended to `p`.
+        """`dae` without algebraic variables: a rootfinder solves for them, and its initial guess is appended to `p`.
 
-        Where it does not converge the rates are nan: adaptive methods try a shorter step, others end there.
+        Where it does not converge, the rates are nan: adaptive methods try a shorter step, others fail.
         """
         if self.nz == 0:
             return self.dae
@@ -144,20 +144,24 @@ class ScaledEquations:
         solved = ca.if_else(self.is_root(time, state, solved, par), solved, float("nan"))
         none = ca.MX(0, 1)
         arguments: list[Any] = [time, state, ca.MX.sym("z", 0), ca.vertcat(par, z0), ca.MX.sym("u", 0)]
-        return ca.Function("ode", arguments, [full(time, state, solved, par), none, none, none], _DAE_IN, _DAE_OUT)
+        return ca.Function(
+            "ode", arguments, [full(time, state, solved, par), none, none, none], _DAE_INPUTS, _DAE_OUTPUTS
+        )
 
     @cached_property
     def is_root(self) -> Any:
         """`(t, x, z, [c, m, d, shift]) -> 1` where the algebraic equations hold, all scaled."""
         t, x, z, p, _, alg = self.scaled
-        reach = ca.fabs(ca.jacobian(alg, z)) @ (1 + ca.fabs(z))
+        unknown_terms = ca.fabs(ca.jacobian(alg, z)) @ (1 + ca.fabs(z))
         others = ca.vertcat(t, x, p)
-        terms = reach + ca.fabs(ca.jacobian(alg, others)) @ ca.fabs(others)
-        return ca.Function("is_root", [t, x, z, p], [ca.mmax(ca.fabs(alg) - _ROOT * reach - _ROUNDING * terms) <= 0])
+        terms = unknown_terms + ca.fabs(ca.jacobian(alg, others)) @ ca.fabs(others)
+        return ca.Function(
+            "is_root", [t, x, z, p], [ca.mmax(ca.fabs(alg) - _ROOT * unknown_terms - _ROUNDING * terms) <= 0]
+        )
 
     @cached_property
     def slope(self) -> BufferedFunction:
-        """`(t, x, z, [c, m, d, shift]) -> (d alg/dz, size of the terms of alg)`, all scaled."""
+        """`(t, x, z, [c, m, d, shift]) -> (d alg/dz, magnitude of the terms of alg in x and z)`, all scaled."""
         t, x, z, p, _, alg = self.scaled
         by_x, by_z = ca.jacobian(alg, x), ca.jacobian(alg, z)
         sizes = ca.fabs(by_x) @ ca.fabs(x) + ca.fabs(by_z) @ ca.fabs(z)
@@ -170,12 +174,12 @@ class ScaledEquations:
 
     @cached_property
     def halting_dae(self) -> Any:
-        """`dae`, with steps that end at outputs."""
+        """`dae` with steps that end at outputs; see `halting`."""
         return halting(self.dae)
 
     @cached_property
     def halting_ode(self) -> Any:
-        """`ode`, with steps that end at outputs."""
+        """`ode` with steps that end at outputs; see `halting`."""
         return halting(self.ode)
 
     @cached_property
@@ -187,7 +191,8 @@ class ScaledEquations:
     def _root(self, t: Any, x: Any, z: Any, p: Any, alg: Any) -> Any:
         """Rootfinder `(z0, [t, x, p]) -> z` for the scaled algebraic equations.
 
-        The step decides, and no residual: equations have units of their own, and one of picocoulombs is small anywhere.
+        It converges by the size of its steps, not of residuals: equations have units, and the residual of one in
+        picocoulombs is always small.
         """
         residual = ca.Function("residual", [z, ca.vertcat(t, x, p)], [alg], ["z", "q"], ["r"])
         return ca.rootfinder(
@@ -199,35 +204,35 @@ class ScaledEquations:
                 "abstolStep": 1e-10,
                 "max_iter": _MOST_ITERATIONS,
                 "error_on_fail": False,
-                "show_eval_warnings": False,  # a step that leads there is tried again, shorter
+                "show_eval_warnings": False,  # solvers repeat a step without finite values with a shorter one
             },
         )
 
-    def slowed(self, dae: Any, unit: float) -> Any:
-        """One of these forms with time in another unit [s]."""
+    def in_unit_of_time(self, dae: Any, unit: float) -> Any:
+        """One of these forms with time in another unit [s], cached."""
         key = int(dae.__hash__()), unit
-        if key not in self._slowed:
+        if key not in self._in_unit_of_time:
             arguments = dae.sx_in() if dae.is_a("SXFunction") else dae.mx_in()
             ode, *others = dae(unit * arguments[0], *arguments[1:])
             slow = ca.Function(dae.name(), arguments, [unit * ode, *others], dae.name_in(), dae.name_out())
-            self._slowed[key] = slow
-        return self._slowed[key]
+            self._in_unit_of_time[key] = slow
+        return self._in_unit_of_time[key]
 
-    def measured(self, dae: Any) -> Any:
-        """See `measured`; made once."""
+    def in_units(self, dae: Any) -> Any:
+        """One of these forms with algebraic variables in other units (`in_units`), cached."""
         key = int(dae.__hash__())
-        if key not in self._measured:
-            self._measured[key] = measured(dae)
-        return self._measured[key]
+        if key not in self._in_units:
+            self._in_units[key] = in_units(dae)
+        return self._in_units[key]
 
     @cached_property
     def limited_dae(self) -> Any:
-        """`dae`, where what has no finite value is a large one: see `limited`."""
+        """`dae` with large values in place of those that are not finite; see `limited`."""
         return limited(self.dae)
 
     @cached_property
     def factorisation(self) -> Factorisation | None:
-        """How the Newton matrices of `dae` are factorised; None by QR, with the variables as they come."""
+        """The factorisation for the Newton matrices of `dae`; None for QR, with the variables in their own order."""
         if self.n + self.nz <= FEW:
             return None
         dae = self.dae
@@ -237,20 +242,20 @@ class ScaledEquations:
         return factorisation((whole + ca.DM.eye(self.n + self.nz)).sparsity(), self.n)
 
     def reordered(self, dae: Any, order: Factorisation) -> Any:
-        """One of these forms with its variables in the order of its `factorisation`."""
+        """One of these forms with its variables in the order of its `factorisation`, cached."""
         x, z = order.x, order.z
         key = int(dae.__hash__())
         if key not in self._reordered:
             kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
-            arguments = [kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN)]
+            arguments = [kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_INPUTS)]
             t, own_x, own_z, *others = arguments
             ode, alg, *more = dae(t, own_x[np.argsort(x).tolist()], own_z[np.argsort(z).tolist()], *others)
             results = [ode[x.tolist()], alg[z.tolist()], *more]
-            self._reordered[key] = ca.Function("dae", arguments, results, _DAE_IN, _DAE_OUT)
+            self._reordered[key] = ca.Function("dae", arguments, results, _DAE_INPUTS, _DAE_OUTPUTS)
         return self._reordered[key]
 
     def stretched(self, dae: Any) -> Any:
-        """One of these forms over a time from 0 to `UNIT` (`stretched`)."""
+        """One of these forms over a time from 0 to `UNIT` (`stretched`), cached."""
         key = int(dae.__hash__())
         if key not in self._stretched:
             self._stretched[key] = stretched(dae)
@@ -266,80 +271,81 @@ class ScaledEquations:
         native: bool = False,
         by_columns: bool = False,
     ) -> Kept:
-        """An integrator of `dae`, one of these equations in some form, from 0 over the times of `grid`.
+        """Return an integrator of `dae`, one form of these equations, from 0 over the times of `grid`, for one call.
 
-        For one call: what is kept for its steps is forgotten here.
+        A Jacobian that is reused from step to step is reset, so that the call does not depend on earlier ones.
 
-        `native`: A multistep method may use compiled code: its Jacobian is computed by columns, if that is less work.
-        `by_columns`: It gets its rates from equal parts at once, if there are enough of them.
+        `native` allows a multistep method to use compiled code, which computes its Jacobian by columns if that is less
+        work. `by_columns` does the same for its rates: equal parts are computed together, if there are enough of them.
         """
         form = _form(plugin, dae, native)
         by_columns = by_columns and self._has_columns(form, dae)
         reused = self.reused(plugin, dae, native)
         if reused is not None:
             reused.begin()
-        # a function has one memory that is its own: no two threads may share it
-        given = tuple((name, v if isinstance(v, (float, int, str)) else repr(v)) for name, v in settings.items())
-        key = *form, grid.tobytes(), given, by_columns
-        found = self._integrators.get(key)
-        return found or self._integrators.put(key, Kept(self._made(form, dae, grid, settings, by_columns)))
+        # a function has a memory of its own, which two threads must not share
+        options_key = tuple((name, v if isinstance(v, (float, int, str)) else repr(v)) for name, v in settings.items())
+        key = *form, grid.tobytes(), options_key, by_columns
+        cached = self._integrators.get(key)
+        return cached or self._integrators.put(key, Kept(self._build(form, dae, grid, settings, by_columns)))
 
     def reused(self, plugin: str, dae: Any, native: bool = False) -> Reused | None:
-        """The Jacobian of these integrators in this thread, where it serves several steps."""
+        """The Jacobian that integrators of this form reuse for several steps in this thread; None if they do not."""
         found = self._reused.get(_form(plugin, dae, native))
         return found and found[1]
 
-    def _made(self, form: _Form, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool) -> Any:
-        """A new integrator, with the equations and Jacobians that another one of this thread has derived.
+    def _build(self, form: _Form, dae: Any, grid: Vector, settings: dict[str, Any], by_columns: bool) -> Any:
+        """Build an integrator with the functions and Jacobians that an earlier one of this thread has derived.
 
-        To derive and order the Jacobian is nearly all of what an integrator of many equations costs.
+        For many equations, deriving and ordering the Jacobian is nearly all of the cost of building an integrator.
         """
         plugin = form[0]
         _, shared = self._derived.get(form) or (dae, {})
         shared = shared or self._derived_by_columns(form, dae)
-        # what is not finite is named by `failure.py`, once, and a step that leads there is tried again, shorter
+        # no warnings of values that are not finite: steps are repeated with shorter ones, and `failure.py` explains
         options = {**settings, "show_eval_warnings": False, "cache": self._by_columns(form, dae, shared, by_columns)}
-        found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), options)
-        # rootfinders inside of MX have a memory of their own
+        integrator = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), options)
+        # a rootfinder inside of an MX function has a memory of its own, so that the function cannot be shared
         if not shared and (self.nz == 0 or dae.is_a("SXFunction")):
-            shared = {name: found.get_function(name) for name in _DERIVED if found.has_function(name)}
+            shared = {name: integrator.get_function(name) for name in _DERIVED if integrator.has_function(name)}
             if plugin in _MULTISTEP and self.nz == 0 and pays(dae, shared["jacF"]):
-                # one for all that call it, and held as long as they may be
+                # one for all integrators that call it, kept alive as long as they may be
                 _, shared["jacF"] = self._reused.setdefault(form, (dae, Reused(shared["jacF"])))
             changed = self._by_columns(form, dae, shared, by_columns)
             if changed is not shared or form in self._reused:
-                found = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": changed})
-        self._derived.put(form, (dae, shared))  # a function that is held has its hash for itself
-        return found
+                integrator = ca.integrator("segment", plugin, dae, 0.0, grid.tolist(), {**options, "cache": changed})
+        self._derived.put(form, (dae, shared))  # `dae` is kept alive so that its hash stays unique
+        return integrator
 
     def _derived_by_columns(self, form: _Form, dae: Any) -> dict[str, Any]:
-        """What an integrator would derive itself, where that is less work by columns; else nothing.
+        """The functions that an integrator would derive itself, by columns if that is less work; otherwise empty.
 
-        From the first integrator on: a Jacobian that is rounded otherwise in the second run would give other results.
+        This is decided for the first integrator already: a Jacobian with other rounding errors in the second run would
+        give other results.
         """
         plugin, _, native, _ = form
         if not native or plugin not in _MULTISTEP or self.nz or not is_long(dae):
             return {}
-        found = derived(dae.factory("daeF", _DAE_IN, _DAE_OUT[:2]))
-        self._in_columns[form] = dae, None if found is None else found.rates
-        if found is None or found.jacobian is None:
+        by_columns = derived(dae.factory("daeF", _DAE_INPUTS, _DAE_OUTPUTS[:2]))
+        self._in_columns[form] = dae, None if by_columns is None else by_columns.rates
+        if by_columns is None or by_columns.jacobian is None:
             return {}
-        self._reused[form] = dae, Reused(found.jacobian)
-        return {"daeF": found.rates, "jacF": self._reused[form][1]}
+        self._reused[form] = dae, Reused(by_columns.jacobian)
+        return {"daeF": by_columns.rates, "jacF": self._reused[form][1]}
 
     def _has_columns(self, form: _Form, dae: Any) -> bool:
-        """Whether rates may be evaluated by columns; else no integrator is made anew for them."""
+        """Whether rates may be evaluated by columns; otherwise no integrator has to be built again for them."""
         if form[0] not in _MULTISTEP or not is_long(dae):
             return False
-        tried = self._in_columns.get(form)
-        return tried is None or tried[1] is not None
+        known = self._in_columns.get(form)
+        return known is None or known[1] is not None
 
     def _by_columns(self, form: _Form, dae: Any, shared: dict[str, Any], wanted: bool) -> dict[str, Any]:
-        """What integrators share, with the rates by columns where these are wanted, and pay."""
+        """The functions that integrators share, with the rates by columns if these are wanted and pay off."""
         if not wanted or "daeF" not in shared:
             return shared
         if form not in self._in_columns:
-            self._in_columns[form] = dae, in_columns(shared["daeF"])  # a function that is held has its hash for itself
+            self._in_columns[form] = dae, in_columns(shared["daeF"])  # kept alive as in `_build`
         rates = self._in_columns[form][1]
         return shared if rates is None else {**shared, "daeF": rates}
 
@@ -349,50 +355,50 @@ def _form(plugin: str, dae: Any, native: bool) -> _Form:
 
 
 def stretched(dae: Any) -> Any:
-    """The same over a time from 0 to `UNIT`, whose length [s] is one more parameter."""
+    """Transform a form to a time from 0 to `UNIT`; the length of the interval [s] becomes an additional parameter."""
     kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
-    t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN))
+    t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_INPUTS))
     length = kind.sym("length")
     ode, *others = dae(t * (length / UNIT), x, z, p, u)
     arguments = [t, x, z, ca.vertcat(p, length), u]
-    return ca.Function("dae", arguments, [length / UNIT * ode, *others], _DAE_IN, _DAE_OUT)
+    return ca.Function("dae", arguments, [length / UNIT * ode, *others], _DAE_INPUTS, _DAE_OUTPUTS)
 
 
-def measured(dae: Any) -> Any:
-    """The same with algebraic variables in other units, which are more parameters: z is `units` times as large."""
+def in_units(dae: Any) -> Any:
+    """Transform a form to algebraic variables z / `units`; the units become additional parameters."""
     kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
-    t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN))
+    t, x, z, p, u = (kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_INPUTS))
     units = kind.sym("units", z.numel())
-    return ca.Function("dae", [t, x, z, ca.vertcat(p, units), u], dae(t, x, units * z, p, u), _DAE_IN, _DAE_OUT)
+    return ca.Function("dae", [t, x, z, ca.vertcat(p, units), u], dae(t, x, units * z, p, u), _DAE_INPUTS, _DAE_OUTPUTS)
 
 
 def limited(dae: Any) -> Any:
-    """A form whose rates and residuals lie within `LARGEST`, not a number being at one end.
+    """Transform a form so that rates and residuals lie within `LARGEST`, and nan becomes one of its ends.
 
-    CasADi's integrators of fixed steps go on with whatever stands in their memory when the equations of a step have no
-    finite value. A large residual is one that Newton's method reports instead.
+    When the equations of a step have no finite value, CasADi's integrators with fixed steps continue with arbitrary
+    values from their memory. With a large residual, Newton's method reports a failure instead.
     """
     kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
-    arguments = [kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_IN)]
+    arguments = [kind.sym(name, dae.numel_in(k)) for k, name in enumerate(_DAE_INPUTS)]
     ode, alg, *others = dae(*arguments)
     within = [ca.fmax(ca.fmin(part, LARGEST), -LARGEST) for part in (ode, alg)]
-    return ca.Function("dae", arguments, [*within, *others], _DAE_IN, _DAE_OUT)
+    return ca.Function("dae", arguments, [*within, *others], _DAE_INPUTS, _DAE_OUTPUTS)
 
 
 def halting(dae: Any) -> Any:
-    """The same with a control that acts on nothing.
+    """Add a control that acts on nothing to a form, so that steps end at outputs.
 
-    CasADi's one-step methods interpolate outputs between their steps, by a polynomial that holds for slow components
-    only: of a fast one that follows a source the rows are 20 mV off where the steps are right to 1e-10 V. A step ends
-    where a control changes, so one that is another number at each output makes each output a step.
+    CasADi's one-step methods interpolate outputs between their steps by a polynomial that is accurate for slow
+    components only: for a fast one that follows a source, rows have errors of 20 mV where the steps are accurate to
+    1e-10 V. A step ends where a control changes, so a control that changes at each output ends a step there.
     """
     kind: Any = ca.SX if dae.is_a("SXFunction") else ca.MX
-    t, x, z, p = (kind.sym(name, dae.numel_in(name)) for name in _DAE_IN[:4])
-    return ca.Function("dae", [t, x, z, p, kind.sym("u")], dae(t, x, z, p, kind(0, 1)), _DAE_IN, _DAE_OUT)
+    t, x, z, p = (kind.sym(name, dae.numel_in(name)) for name in _DAE_INPUTS[:4])
+    return ca.Function("dae", [t, x, z, p, kind.sym("u")], dae(t, x, z, p, kind(0, 1)), _DAE_INPUTS, _DAE_OUTPUTS)
 
 
 def controls(count: int) -> Vector:
-    """Values of that control in the intervals before `count` outputs."""
+    """Values of the control of `halting` in the intervals before `count` outputs, shape (count,)."""
     return np.array(np.arange(count) % 2, dtype=np.float64)
 
 
@@ -400,22 +406,26 @@ _MADE: WeakKeyDictionary[CompiledModel, Recent[ScaledEquations]] = WeakKeyDictio
 
 
 def scaled_equations(compiled: CompiledModel, p: Vector, u: Vector) -> ScaledEquations:
-    """The equations for these values, from the last few forms that were asked for."""
+    """The equations for these values of p and u, from a cache of the forms used last."""
     zeros = tuple(np.flatnonzero(p == 0.0).tolist())
-    if compiled.rhs.n_instructions() <= _LARGEST_SHARED and compiled.mapped(zeros) is None:
-        found = _kept(compiled, zeros, None)
-        if np.isfinite(found.constants(p, u)).all():
-            return found
+    if compiled.rhs.n_instructions() <= _LARGEST_WITH_ARGUMENTS and compiled.mapped(zeros) is None:
+        shared = _cached(compiled, zeros, None)
+        if np.isfinite(shared.constants(p, u)).all():
+            return shared
     return with_values(compiled, p, u)
 
 
 def with_values(compiled: CompiledModel, p: Vector, u: Vector) -> ScaledEquations:
-    """The equations with these values as numbers: what was divided by zero may be multiplied by zero again."""
-    return _kept(compiled, tuple(np.flatnonzero(p == 0.0).tolist()), (p, u))
+    """The equations with these values as numbers.
+
+    Where a value that c would contain is infinite, the expressions may still be finite: a division by zero that is
+    multiplied by zero again.
+    """
+    return _cached(compiled, tuple(np.flatnonzero(p == 0.0).tolist()), (p, u))
 
 
-def _kept(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> ScaledEquations:
+def _cached(compiled: CompiledModel, zeros: tuple[int, ...], values: tuple[Vector, Vector] | None) -> ScaledEquations:
     compiled = compiled.common
-    made = _MADE.setdefault(compiled, Recent(_FORMS))
+    forms = _MADE.setdefault(compiled, Recent(_FORMS))
     key = zeros if values is None else tuple(v.tobytes() for v in values)
-    return made.get(key) or made.put(key, ScaledEquations(compiled, zeros, values))
+    return forms.get(key) or forms.put(key, ScaledEquations(compiled, zeros, values))

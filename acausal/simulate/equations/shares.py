@@ -1,14 +1,15 @@
-"""Loads that statics leave open: elements of dry friction that are stuck on one shaft share its torque somehow.
+"""Statically undetermined loads: how the load on a shaft is shared by several elements that are stuck in dry friction.
 
-Two brakes that hold one shaft say twice that it does not accelerate, and how much of the load each takes nothing says:
-the algebraic equations r(z) = 0 of this mode have a singular slope J and are consistent. What stuck elements creep by,
-`infinitesimal()` times their load, is the other equation: along the left null space L of J the limit of r/eps for eps
-to zero, so that z solves r + P r_eps = 0, where P projects onto L and r_eps is the derivative by eps. Of consistent
-equations this is an exact solution: L^T (r + P r_eps) = 0 leaves r = 0 and L^T r_eps = 0, the loads of least squares.
-It stays exact where L turns with the motion, as long as the sum of both slopes is regular.
+Two brakes that hold one shaft state twice that it does not accelerate, and no equation says how much of the load each
+takes: in this mode the algebraic equations r(z) = 0 are consistent, but their Jacobian J is singular. The missing
+equation is the creep of stuck elements, `infinitesimal()` (eps below) times their load. Along the left null space L of
+J the limit of r/eps for eps to zero must vanish, so that z solves r + P r_eps = 0, where P projects onto L and r_eps is
+the derivative with respect to eps. For consistent equations this solution is exact: L^T (r + P r_eps) = 0 implies r = 0
+and L^T r_eps = 0, the loads of least squares. It remains exact where L changes with the motion, as long as the sum of
+both Jacobians is regular.
 
-Equations that contradict each other hold in none of their modes. With a small creep instead of an infinitesimal one
-they have a solution that is far out on the side on which an element gives way, which is how the modes go on from there.
+Contradicting equations hold in none of their modes. With a small creep instead of an infinitesimal one they do have a
+solution, far on the side on which an element starts to slip. The modes of the next round follow from it.
 """
 
 from __future__ import annotations
@@ -24,32 +25,33 @@ from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 
-# Singular values, by the largest one, that are zero; what is left of a bordered slope at least.
+# Relative to the largest one: singular values below `_ZERO` count as zero, and a bordered Jacobian is regular above
+# `_REGULAR`.
 _ZERO, _REGULAR = 1e-10, 1e-7
-# Creep by the scale of the equations, where it has to be a number.
-_SMALL = 1e-8
-# What contradicting equations leave, by the size of their terms, and at nominal magnitudes.
+# Creep relative to the scale of the equations, where it has to be a number.
+_CREEP = 1e-8
+# Residuals that show a contradiction, relative to the size of the terms, and absolute at nominal magnitudes.
 _CONTRADICTED, _ABSOLUTE = 1e-7, 1e-9
-_MOST_KEPT = 64
+_MOST_BORDERS = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """What is added to singular equations."""
+    """The terms that are added to singular equations."""
 
-    projector: Vector  # p, shape (nz, nz), of rank `rank`
+    projector: Vector  # P, shape (nz, nz), of rank `rank`
     rank: int
-    place: int  # of what is infinitesimal among the modes
-    compiled: CompiledModel  # the model with these equations
+    place: int  # index of the infinitesimal creep among the modes
+    compiled: CompiledModel  # the model with the bordered equations
 
     def added(self, alg: Any, m: Any) -> Any:
-        """The algebraic equations of these, and modes, as symbols."""
+        """The bordered form of the algebraic equations, for symbols of these and of the modes."""
         return _bordered(alg, m[self.place], self.projector)
 
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Residuals and slopes at a point, rows and columns scaled: r, J, and the derivatives of both by the creep."""
+    """Residual r, Jacobian J, and derivative of J with respect to the creep at a point, with their row scales."""
 
     rows: Vector
     residual: Vector
@@ -59,7 +61,7 @@ class _Slopes:
 
 @dataclass(eq=False)
 class Shares:
-    """Statically undetermined loads of one model, and the equations that were made for them."""
+    """Statically undetermined loads of one model, and the bordered equations that were built for them."""
 
     place: int
     rhs: Any
@@ -71,7 +73,7 @@ class Shares:
 
     @classmethod
     def of(cls, compiled: CompiledModel) -> Shares | None:
-        """Made of a model; None where no algebraic equations depend on anything infinitesimal."""
+        """Build for a model; None if no algebraic equation depends on an infinitesimal creep."""
         place = place_of_creep(compiled)
         if place is None or not compiled.algebraic:
             return None
@@ -89,54 +91,56 @@ class Shares:
     def border(
         self, compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
     ) -> Border | None:
-        """What the equations need at this point; None where they are regular, or singular for another reason."""
-        at = self._at(t, x, z, u, p, m)
-        if at is None:
+        """The border that the equations need here; None if they are regular, or singular for another reason."""
+        slopes = self._at(t, x, z, u, p, m)
+        if slopes is None:
             return None
-        left, values, right = np.linalg.svd(at.slope)
+        left, values, right = np.linalg.svd(slopes.slope)
         rank = int(np.count_nonzero(values <= _ZERO * max(float(values[0]), 1.0)))
         if not rank:
             return None
-        for known in self._borders:
-            if known.rank == rank and _is_regular(at.slope + _scaled(known.projector, at.rows) @ at.creep):
-                return known
+        for border in self._borders:
+            if border.rank == rank and _is_regular(
+                slopes.slope + _scaled(border.projector, slopes.rows) @ slopes.creep
+            ):
+                return border
         null = left[:, -rank:]
-        size = float(np.abs(null.T @ at.creep @ right[-rank:].T).max())
+        size = float(np.abs(null.T @ slopes.creep @ right[-rank:].T).max())
         if size == 0.0:
             return None
-        own = null @ null.T / size
-        if not _is_regular(at.slope + own @ at.creep):
+        scaled_projector = null @ null.T / size
+        if not _is_regular(slopes.slope + scaled_projector @ slopes.creep):
             return None
-        projector = own * at.rows[None, :] / at.rows[:, None]
-        found = Border(projector, rank, self.place, _with_border(compiled, self.place, projector))
-        if len(self._borders) == _MOST_KEPT:
+        projector = scaled_projector * slopes.rows[None, :] / slopes.rows[:, None]
+        border = Border(projector, rank, self.place, _with_border(compiled, self.place, projector))
+        if len(self._borders) == _MOST_BORDERS:
             del self._borders[0]
-        self._borders.append(found)
-        return found
+        self._borders.append(border)
+        return border
 
     def contradicts(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> bool:
-        """Whether the equations do not hold where they were bordered."""
-        at = self._at(t, x, z, u, p, m)
-        if at is None:
+        """Whether the original equations do not hold at a solution of the bordered ones."""
+        slopes = self._at(t, x, z, u, p, m)
+        if slopes is None:
             return True
-        reach = np.abs(at.slope) @ np.abs(z / self.scale)
-        return bool((np.abs(at.residual) > _CONTRADICTED * reach + _ABSOLUTE).any())
+        reach = np.abs(slopes.slope) @ np.abs(z / self.scale)
+        return bool((np.abs(slopes.residual) > _CONTRADICTED * reach + _ABSOLUTE).any())
 
     def creep(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> float:
-        """A small number for what is infinitesimal, 0 where nothing depends on it."""
-        at = self._at(t, x, z, u, p, m)
-        size = 0.0 if at is None else float(np.abs(at.creep).max())
-        return _SMALL / size if size > 0.0 else 0.0
+        """A small number to replace the infinitesimal creep; 0 if nothing depends on it."""
+        slopes = self._at(t, x, z, u, p, m)
+        size = 0.0 if slopes is None else float(np.abs(slopes.creep).max())
+        return _CREEP / size if size > 0.0 else 0.0
 
     def open(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> tuple[str, ...]:
-        """The loads that the equations leave open, by name."""
-        at = self._at(t, x, z, u, p, m)
-        if at is None:
+        """Names of the loads that the equations do not determine."""
+        slopes = self._at(t, x, z, u, p, m)
+        if slopes is None:
             return ()
-        _, values, right = np.linalg.svd(at.slope)
-        ways = right[values <= _ZERO * max(float(values[0]), 1.0)]
-        (slope,) = self.loads(t, x, z, u, p, m)
-        moved = np.abs(slope.reshape(len(self.names), -1) @ ways.T).max(axis=1, initial=0.0)
+        _, values, right = np.linalg.svd(slopes.slope)
+        null_space = right[values <= _ZERO * max(float(values[0]), 1.0)]
+        (gradient,) = self.loads(t, x, z, u, p, m)
+        moved = np.abs(gradient.reshape(len(self.names), -1) @ null_space.T).max(axis=1, initial=0.0)
         return tuple(n for n, v in zip(self.names, moved, strict=True) if v > 1e-9 * moved.max())
 
     def _at(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> _Slopes | None:
@@ -151,7 +155,7 @@ class Shares:
 
 
 def place_of_creep(compiled: CompiledModel) -> int | None:
-    """Place among the modes of what is infinitesimal, if there is such a thing."""
+    """Index of the infinitesimal creep among the modes; None if the model has none."""
     events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
     first = compiled.n_timely + len(events.samples) + len(events.memories)
     return next((first + k for k, n in enumerate(events.flags) if nodes[n][0] == "infinitesimal"), None)
@@ -179,16 +183,16 @@ def _is_regular(slope: Vector) -> bool:
 
 
 def _loads(compiled: CompiledModel) -> tuple[tuple[str, ...], Any]:
-    """Names of what is multiplied by something infinitesimal, and `(t, x, z, u, p, m) -> ` its slope by scaled z."""
+    """Names of the variables that an infinitesimal creep multiplies, and their Jacobian with respect to scaled z."""
     reduced = compiled.solution.structure.reduced
     nodes = reduced.pool.nodes
-    tiny = {n for n in compiled.state_events.flags if nodes[n][0] == "infinitesimal"}
-    factors = [set(n[1:]) - tiny for n in nodes if n[0] == "mul" and tiny & set(n[1:])]
-    found = dict.fromkeys(k for own in factors for k in own if nodes[k][0] == "var")
+    creeps = {n for n in compiled.state_events.flags if nodes[n][0] == "infinitesimal"}
+    factors = [set(n[1:]) - creeps for n in nodes if n[0] == "mul" and creeps & set(n[1:])]
+    factors_found = dict.fromkeys(k for operands in factors for k in operands if nodes[k][0] == "var")
     columns = {node: k for k, node in enumerate(compiled.columns)}
-    places = {node: columns[node] for node in found if node in columns}
+    places = {node: columns[node] for node in factors_found if node in columns}
     s = Symbols(compiled)
     values = compiled.observe(*s.inputs)[list(places.values())]
-    slope = ca.jacobian(values, s.z) @ ca.diag(ca.DM(compiled.nominal_z))
+    jacobian = ca.jacobian(values, s.z) @ ca.diag(ca.DM(compiled.nominal_z))
     names = tuple(reduced.name(nodes[n][1]) for n in places)
-    return names, BufferedFunction(ca.Function("loads", s.inputs, [ca.densify(slope)]))
+    return names, BufferedFunction(ca.Function("loads", s.inputs, [ca.densify(jacobian)]))

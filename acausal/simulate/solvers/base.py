@@ -143,7 +143,7 @@ class CasadiSolver:
             unit_of_time(segment.start, segment.times) if self.merges_close_outputs and segment.shares is None else 1.0
         )
         if unit != 1.0:
-            dae = problem.scaled.slowed(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
+            dae = problem.scaled.in_unit_of_time(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
         elif kind == "integrator" and not segment.partial and segment.step_budget is None:
             compiled_integrator = native.integrator(self.plugin, settings)
@@ -172,7 +172,7 @@ class CasadiSolver:
         if kind == "integrator":
             settings = {**settings, **beginning(segment)}
         if units is not None:
-            dae, z0, p = equations.measured(dae), z0 / units, np.concatenate([p, units])
+            dae, z0, p = equations.in_units(dae), z0 / units, np.concatenate([p, units])
         if segment.shares is not None:
             dae = equations.stretched(dae) if library is None else dae
             settings, grid = in_relative_time(segment, settings), UNIT * segment.shares
