@@ -104,7 +104,7 @@ def test_so_many_points_go_by_columns_and_change_no_bit() -> None:
     points = np.random.default_rng(7).normal(size=(5000, 2))
     points[[3, 4, 5]] = [0.0, 0.0], [np.inf, 1.0], [np.nan, -0.0]
     found = quick.many(points, np.array([0.3]), np.zeros((5000, 0)))
-    assert any(columns is not None for columns in quick._columns.values())
+    assert any(columns is not None for columns in quick._column_functions.values())
     np.testing.assert_array_equal(found, [quick(point, 0.3, [])[0] for point in points])
 
 

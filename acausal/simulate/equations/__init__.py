@@ -1,1 +1,1 @@
-"""One model with its numbers: the functions that integrators and events call."""
+"""A model with values of its parameters, as the functions that integrators and events call."""

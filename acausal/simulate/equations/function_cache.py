@@ -1,4 +1,4 @@
-"""What the runs of a compiled model share: functions made at the first need, and kept as long as the model is."""
+"""Functions that all runs of a compiled model share, built at first use and kept as long as the model."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from acausal.simulate.native.equations import parametric
 from acausal.simulate.start.newton import Newton
 from acausal.simulate.start.open_start import OpenStart
 
-# Definitions up to which all variables of a start are looked at.
-_MOST_CHECKED = 3000
-# Functions of single signals that are kept, and who may make one: a builder is not for two threads.
+# In models with more definitions, only the rates at a start are checked for finite values.
+_MOST_DEFINITIONS_CHECKED = 3000
+# Most functions of single signals in the cache, and the lock for building one: a builder is not thread-safe.
 _MOST_OBSERVED = 256
 _SWITCHED = frozenset(("where", "sign"))
-_OBSERVING = threading.Lock()
+_OBSERVING_LOCK = threading.Lock()
 
 
 class Observing:
-    """Some trajectories at many instants: what parameters alone determine in them is computed once."""
+    """Some trajectories at many instants; values in them that parameters alone determine are computed once."""
 
     def __init__(self, s: Symbols, y: Any) -> None:
         (rest,), held, constants = parametric([y], s.p, s.u)
@@ -44,12 +44,12 @@ class Observing:
 
 
 def _buffered(function: Callable[[CompiledModel], Any]) -> cached_property[BufferedFunction]:
-    """A function of the model, made ready to be called quickly at the first need."""
+    """A property with a function of the model, buffered for fast calls at first use."""
     return cached_property(lambda cache: BufferedFunction(function(cache.compiled)))
 
 
 class FunctionCache:
-    """Functions of one model, of `(t, x, z, u, p, m)` where nothing else is said."""
+    """Functions of one model, with the arguments `(t, x, z, u, p, m)` unless stated otherwise."""
 
     rhs = _buffered(lambda model: model.rhs)  # `-> (ode, alg)`
     observe = _buffered(lambda model: model.observe)  # `-> every trajectory at one instant`
@@ -65,35 +65,35 @@ class FunctionCache:
     modes = _buffered(lambda model: model.modes)  # `(t, p) -> m`
 
     def __init__(self, compiled: CompiledModel) -> None:
-        self._model = ref(compiled)  # what is kept for a model must not keep it alive
+        self._model = ref(compiled)  # the cache must not keep the model alive
         self._newton: dict[tuple[int, ...], Newton | None] = {}
         self._observers: dict[bool, tuple[Symbols, DefiningBuilder]] = {}
         self._observed: dict[tuple[tuple[int, ...], bool], Observing] = {}
 
     @property
     def compiled(self) -> CompiledModel:
-        """The model."""
+        """The compiled model."""
         model = self._model()
-        assert model is not None, "only who holds the model asks"
+        assert model is not None, "callers hold the model"
         return model
 
     def are_finite(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> bool:
         """Whether all variables have finite values at a point.
 
-        In large models only the rates are looked at: the function of all variables costs more than the run.
+        In large models only the rates are checked: building the function of all variables costs more than the run.
         """
         if not all(np.isfinite(part).all() for part in self.rhs(t, x, z, u, p, m)):
             return False
-        if len(self.compiled.solution.definitions) > _MOST_CHECKED:
+        if len(self.compiled.solution.definitions) > _MOST_DEFINITIONS_CHECKED:
             return True
         return bool(np.isfinite(self.observe(t, x, z, u, p, m)[0]).all() and np.isfinite(self.constants(p)[0]).all())
 
     def observing(self, columns: tuple[int, ...], blend: bool) -> Observing:
-        """`-> some of the trajectories`, by their places in `columns` of the model; `blend` for modes between 0 and 1.
+        """Function of the trajectories with these indices in `columns` of the model; `blend` for modes between 0 and 1.
 
-        The builder stays: what it has lowered for one signal is there for the next.
+        The builder is kept, so that expressions lowered for one signal are reused for the next.
         """
-        with _OBSERVING:
+        with _OBSERVING_LOCK:
             if (columns, blend) not in self._observed:
                 if blend not in self._observers:
                     symbols = Symbols(self.compiled)
@@ -107,31 +107,31 @@ class FunctionCache:
 
     @cached_property
     def reaches(self) -> Truth:
-        """Of each relation whether it holds where its sides are equal."""
+        """Whether each relation holds where its sides are equal, shape (relations,)."""
         nodes = self.compiled.solution.structure.reduced.pool.nodes
         return np.array([nodes[n][0] in ("le", "ge") for n in self.compiled.state_events.relations], dtype=bool)
 
     @cached_property
     def opening(self) -> Vector:
-        """1 for each condition of a clause that asks for `initial()`, else 0."""
+        """1 for each condition of a clause that contains `initial()`, otherwise 0; shape (conditions,)."""
         pool = self.compiled.solution.structure.reduced.pool
         conditions = self.compiled.state_events.conditions
-        asking = [any(pool.nodes[n][0] == "initial" for n in pool.reachable([c])) for c in conditions]
-        return np.array(asking, dtype=float)
+        contains_initial = [any(pool.nodes[n][0] == "initial" for n in pool.reachable([c])) for c in conditions]
+        return np.array(contains_initial, dtype=float)
 
     @cached_property
     def time_tables(self) -> tuple[TimeTable, ...]:
-        """Long tables read at a time, on which something integrated or an event depends."""
+        """Long tables of time on which an integrated variable or an event depends."""
         solution = self.compiled.solution
-        all_ = bool(self.compiled.state_events)
-        definitions = [n for v, n in solution.definitions if all_ or v in solution.needed]
+        has_events = bool(self.compiled.state_events)
+        definitions = [n for v, n in solution.definitions if has_events or v in solution.needed]
         pool = solution.structure.reduced.pool
         return time_tables(pool, [*definitions, *solution.residuals], dict(solution.definitions))
 
     def island_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
-        """Rates at n instants, shape (nq, n), of the integrals of time that are solved apart.
+        """Rates of the quadratures at n instants, shape (nq, n), divided by their nominal magnitudes.
 
-        They are by their nominal magnitudes; `m` and `d` have a row for each instant, or are the same at all.
+        `m` and `d` have a row for each instant, or a single one for all.
         """
         return self._island_rates.many(times[:, None], u, p, m, d).T
 
@@ -141,7 +141,7 @@ class FunctionCache:
 
     @cached_property
     def islands(self) -> Any:
-        """`(t, u, p, m, d) -> rates` of the integrals of time that are solved apart, by their nominal magnitudes."""
+        """`(t, u, p, m, d) -> rates` of the quadratures, divided by their nominal magnitudes."""
         compiled = self.compiled
         s = Symbols(compiled)
         n, nq, nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
@@ -152,14 +152,14 @@ class FunctionCache:
 
     @cached_property
     def shares(self) -> Shares | None:
-        """Statically undetermined loads; None where there can be none."""
+        """Statically undetermined loads; None if the model can have none."""
         return Shares.of(self.compiled)
 
     @cached_property
     def switched(self) -> tuple[int, ...]:
-        """Expressions of time that switch, are differentiated and are no derivatives themselves: nodes of the pool.
+        """Expressions of time that switch and are differentiated, but are no derivatives themselves: nodes of the pool.
 
-        The largest ones: sign(t) jumps and sign(t) * t does not.
+        Only the outermost ones: sign(t) jumps, but sign(t) * t does not.
         """
         pool = self.compiled.solution.structure.reduced.pool
         if not any(pool.nodes[n][0] in _SWITCHED for n in pool._slopes):
@@ -174,7 +174,7 @@ class FunctionCache:
 
     @cached_property
     def switches(self) -> BufferedFunction:
-        """`(t, p, m) -> their values`."""
+        """`(t, p, m) -> values of the expressions `switched``."""
         s = Symbols(self.compiled)
         builder = s.builder(self.compiled)
         builder.define([], self.compiled.rewritten)
@@ -183,11 +183,11 @@ class FunctionCache:
 
     @cached_property
     def open_start(self) -> OpenStart | None:
-        """What the start conditions leave open or say twice; None where they are decided outright."""
+        """Start values that the start conditions leave open or overdetermine; None if there are none."""
         return OpenStart.of(self.compiled)
 
     def newton(self, free: tuple[int, ...] = ()) -> Newton | None:
-        """Newton's method for the algebraic variables and these states; None where no such step can be made."""
+        """Newton's method for the algebraic variables and the states `free`; None if it is not applicable."""
         if free not in self._newton:
             self._newton[free] = Newton.of(self.compiled, free)
         return self._newton[free]
@@ -197,16 +197,16 @@ _CACHES: WeakKeyDictionary[CompiledModel, FunctionCache] = WeakKeyDictionary()
 
 
 def functions_of(compiled: CompiledModel) -> FunctionCache:
-    """What is kept for a model; models are compared by identity, and forgotten when nobody else holds them."""
+    """The functions cached for a model, which is identified by identity; the cache does not keep it alive."""
     compiled = compiled.common
-    found = _CACHES.get(compiled)
-    if found is None:
-        found = _CACHES[compiled] = FunctionCache(compiled)
-    return found
+    functions = _CACHES.get(compiled)
+    if functions is None:
+        functions = _CACHES[compiled] = FunctionCache(compiled)
+    return functions
 
 
 def truths(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
-    """Each relation, 0 or 1; algebraic variables and other relations are those of `z` and `m`."""
+    """The truth of each relation, 0 or 1, with algebraic variables `z` and modes `m` of the other relations."""
     (distance,) = functions_of(compiled).distances(t, x, z, u, p, m)
     reaches = functions_of(compiled).reaches
     return np.asarray((distance > 0) | ((distance == 0) & reaches), dtype=float)

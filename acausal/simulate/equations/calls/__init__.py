@@ -1,1 +1,1 @@
-"""CasADi functions called on NumPy's memory."""
+"""Calls of CasADi functions that work directly on NumPy memory."""

@@ -1,4 +1,4 @@
-"""Rates and their Jacobian by columns (`acausal.simulate.native.columns`, `tangents`), as CasADi calls them."""
+"""Callbacks with which CasADi evaluates rates and their Jacobian by columns (`acausal.simulate.native.columns`)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import numpy as np
 from acausal.simulate.native import columns, tangents
 from acausal.simulate.native.program import address
 
-# Derivatives that are computed for one instruction of the rates, from which on a Jacobian is most of the work.
-_SHARE = 5
+# The Jacobian is computed by columns if it takes this many derivatives per instruction of the rates.
+_WORK_RATIO = 5
 
 
-class OnMemory(ca.Callback):
-    """A function of the arguments of another one, for one thread: its values are in one memory.
+class BufferCallback(ca.Callback):
+    """A callback with the arguments of `function`, for one thread, as all calls use the same memory.
 
-    `results` has the sparsity of each output by name.
+    `results` are the sparsities of its outputs by name.
     """
 
     def __init__(self, name: str, function: Any, results: Mapping[str, Any]) -> None:
@@ -54,42 +54,42 @@ class OnMemory(ca.Callback):
         return True
 
     def eval_buffer(self, arg: Sequence[Any], res: Sequence[Any]) -> int:
-        """CasADi's call, on its memory."""
-        for own, given in zip(self._arguments, arg, strict=True):
-            if own.size:
-                own[:] = 0.0 if given is None else np.frombuffer(given)
+        """Evaluate on CasADi's memory."""
+        for memory, given in zip(self._arguments, arg, strict=True):
+            if memory.size:
+                memory[:] = 0.0 if given is None else np.frombuffer(given)
         status = self._run()
-        for own, wanted in zip(self._results, res, strict=True):
-            if own.size and wanted is not None:
-                np.frombuffer(wanted)[:] = own
+        for memory, wanted in zip(self._results, res, strict=True):
+            if memory.size and wanted is not None:
+                np.frombuffer(wanted)[:] = memory
         return status
 
     @abstractmethod
     def _run(self) -> int:
-        """Evaluate what is in `_arguments` into `_results`; 0, or what CasADi takes for a failure."""
+        """Evaluate `_arguments` into `_results`; returns 0, or another status for a failure."""
 
 
-class InColumns(OnMemory):
-    """The same function."""
+class InColumns(BufferCallback):
+    """A function that is evaluated by columns."""
 
     def __init__(self, function: Any, library: Any, program: columns.Program) -> None:
         super().__init__(function.name(), function, outputs(function))
-        self._call, self._program, self._kept = library.acausal_columns, ctypes.byref(program), program
+        self._call, self._program, self._alive = library.acausal_columns, ctypes.byref(program), program
 
     def _run(self) -> int:
         status: int = self._call(self._program, self._given, self._wanted)
         return status
 
 
-class JacobianInColumns(OnMemory):
-    """`jacF` of an integrator of an ODE: derivatives of its rates by the states, and blocks without entries."""
+class JacobianInColumns(BufferCallback):
+    """`jacF` of an integrator of an ODE: the Jacobian of the rates, and empty blocks for algebraic variables."""
 
     def __init__(self, function: Any, library: Any, found: tangents.Jacobian, program: columns.Program) -> None:
         n = function.numel_in("x")
         shapes = {"jac_alg_x": (0, n), "jac_ode_z": (n, 0), "jac_alg_z": (0, 0)}
         blocks = {"jac_ode_x": found.sparsity, **{name: ca.Sparsity(*shape) for name, shape in shapes.items()}}
         super().__init__("jacF", function, blocks)
-        self._library, self._kept = library, found
+        self._library, self._alive = library, found
         self._program, self._tangents = ctypes.byref(program), ctypes.byref(found.tangents)
         self._none = (ctypes.c_void_p * function.n_out())()
 
@@ -106,27 +106,27 @@ def outputs(function: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Derived:
-    """What an integrator derives from its equations, by columns; without a Jacobian where CasADi's is as good."""
+    """The functions that an integrator derives from its equations, by columns; None for CasADi's own Jacobian."""
 
     rates: InColumns
     jacobian: JacobianInColumns | None
 
 
 def in_columns(function: Any) -> InColumns | None:
-    """The function by columns; None where that does not pay, or where there is no compiler."""
+    """The function by columns; None if that does not pay off, or without a compiler."""
     library = columns.library()
     program = None if library is None else columns.program(function)
     return None if program is None else InColumns(function, library, program)
 
 
 def derived(rates: Any) -> Derived | None:
-    """The rates `(t, x, z, p, u) -> (ode, alg)` of an ODE, and their Jacobian; None as for `in_columns`."""
+    """The rates `(t, x, z, p, u) -> (ode, alg)` of an ODE and their Jacobian by columns; None as for `in_columns`."""
     library = columns.library()
     program = None if library is None else columns.program(rates)
     if program is None:
         return None
     found = tangents.jacobian(program, rates.index_in("x"), rates.numel_out("ode"), rates.numel_in("x"))
-    pays = found.work >= _SHARE * len(program.read.codes)
+    pays = found.work >= _WORK_RATIO * len(program.read.codes)
     jacobian = JacobianInColumns(rates, library, found, program) if pays else None
     return Derived(InColumns(rates, library, program), jacobian)
 

@@ -1,11 +1,11 @@
-"""CasADi functions called on NumPy memory, without CasADi's own matrices in between.
+"""CasADi functions called on NumPy memory, without CasADi's matrices in between.
 
-A matrix of CasADi's becomes an array of NumPy's through a Python list, 140 ns an entry: for 501 outputs of 10 000
-states that is 0.7 s, four times what IDAS needs for them (measured, docs/devdocs/numerics.md).
+CasADi converts its matrices to NumPy arrays through a Python list, which takes 140 ns per entry: for 501 outputs of
+10 000 states that is 0.7 s, four times the integration time of IDAS (measured, docs/devdocs/numerics.md).
 
-Solvers are asked how far they come, without a line on standard error each time that is not far. SUNDIALS prints "At t =
-0.1, mxstep steps taken before reaching tout" through `sys.stderr`, whatever CasADi's options say.
-`contextlib.redirect_stderr` is not for threads: of two that overlap the second restores the sink of the first.
+Solvers are also called to find out how far they come, and messages of expected failures are suppressed. SUNDIALS prints
+"At t = 0.1, mxstep steps taken before reaching tout" through `sys.stderr`, whatever CasADi's options are.
+`contextlib.redirect_stderr` is not thread-safe: of two that overlap, the second restores the sink of the first.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 class Kept:
-    """A function called again and again by one thread through the same memory, which nobody else may use."""
+    """A function that one thread calls repeatedly through the same memory, which no other thread may use."""
 
     def __init__(self, function: Any) -> None:
         self.function = function
@@ -38,19 +38,19 @@ class Kept:
     def __call__(
         self, arguments: Mapping[str, Array], wanted: Sequence[str], *, partial: bool = False
     ) -> tuple[list[Array], dict[str, Any]]:
-        """Outputs of one call and its statistics; arguments left out are zero.
+        """Return the `wanted` outputs of one call, and its statistics; missing arguments are zero.
 
-        Matrices are column by column, as CasADi stores them: an output of shape (m, n) comes back as (n, m).
+        CasADi stores matrices by columns: an output of shape (m, n) is returned with shape (n, m).
 
-        Raises RuntimeError when the function fails, Interrupted with the rows it has written when it was asked to end.
-        With `partial` it returns what an integrator has written before it failed, nan behind, and the statistics have
-        an entry "stopped" with the failure.
+        Raises RuntimeError if the function fails, and Interrupted, with the rows written so far, after a signal. With
+        `partial`, an integrator that fails returns the rows written before, followed by nan, and the statistics have an
+        entry "stopped" with the message.
         """
-        self._set(arguments)
-        results = [self._result(name) for name in wanted]
+        self._copy_arguments(arguments)
+        results = [self._new_output(name) for name in wanted]
         stopped = ""
         try:
-            with without_chatter():  # what fails is raised or tried again
+            with without_chatter():  # failures are raised below, or lead to another attempt
                 self._run()
             if self._buffer.ret():
                 raise RuntimeError(f"{self.function.name()} returned {self._buffer.ret()}")
@@ -61,38 +61,38 @@ class Kept:
             if not partial:
                 raise
             stopped = str(error)
-        # a buffer has a memory of its own, behind the one that every function is made with
+        # memory 0 belongs to the function itself, memory 1 to the buffer
         stats = self.function.stats(1)
         if self._counts is None:
             self._counts = {name: 0 for name in stats if name.startswith("n_call_")}
-        for name, before in self._counts.items():  # these go on from call to call
+        for name, before in self._counts.items():  # CasADi accumulates these over all calls
             self._counts[name] = count = stats[name]
             stats[name] = count - before
         if stopped:
             stats["stopped"] = stopped
         return results, stats
 
-    def _set(self, arguments: Mapping[str, Array]) -> None:
-        """Copy arguments to their place: to tell CasADi of another takes longer than to copy a small one."""
+    def _copy_arguments(self, arguments: Mapping[str, Array]) -> None:
+        """Copy arguments to the same memory at each call: passing CasADi a new address takes longer than a copy."""
         for name, value in arguments.items():
-            place = self._inputs.get(name)
-            if place is None:
-                place = self._inputs[name] = np.zeros(self.function.numel_in(name))
-                if place.size:
-                    self._buffer.set_arg(self.function.index_in(name), place.data)
-            if place.size:
-                place[:] = value if value.ndim == 1 else value.reshape(-1)
+            memory = self._inputs.get(name)
+            if memory is None:
+                memory = self._inputs[name] = np.zeros(self.function.numel_in(name))
+                if memory.size:
+                    self._buffer.set_arg(self.function.index_in(name), memory.data)
+            if memory.size:
+                memory[:] = value if value.ndim == 1 else value.reshape(-1)
         if len(self._inputs) > len(arguments):
             for name in self._inputs.keys() - arguments.keys():
                 self._inputs[name][:] = 0.0
 
-    def _result(self, name: str) -> Array:
-        """New memory for an output; what is written to it is not copied again."""
+    def _new_output(self, name: str) -> Array:
+        """Allocate new memory for an output, so that the result needs no copy."""
         known = self._outputs.get(name)
         if known is None:
-            place = self.function.index_out(name)
-            rows, columns = self.function.size_out(place)
-            known = self._outputs[name] = place, (columns, rows)
+            index = self.function.index_out(name)
+            rows, columns = self.function.size_out(index)
+            known = self._outputs[name] = index, (columns, rows)
         result = np.full(known[1], np.nan)
         if result.size:
             self._buffer.set_res(known[0], result.reshape(-1).data)
@@ -100,34 +100,34 @@ class Kept:
 
 
 def _written(rows: Array) -> int:
-    """How many rows are there: an integrator writes one after the other."""
+    """The number of rows that an integrator has written; it writes them in order."""
     missing = ~np.isfinite(rows).all(axis=1)
     return int(np.argmax(missing)) if missing.any() else len(rows)
 
 
-# A step that Newton's method does not solve is printed with its arguments, piece by piece.
-_BEGINNINGS = "At t = ", "Function ", "Input "
+# Starts of the expected messages. CasADi prints a failed Newton step with its arguments, in several writes.
+_MESSAGE_STARTS = "At t = ", "Function ", "Input "
 _EXPECTED = re.compile(r"At t = |^Function \w+ \(0x|^Input \d+ \(")
 _lock = threading.Lock()
 _inside = 0
 
 
-class _Sieve:
-    """The stream behind it, without the expected lines."""
+class _FilteredStream:
+    """Forwards to a stream, but drops the expected lines."""
 
     def __init__(self, stream: Any) -> None:
         self.stream = stream
         self._line = ""
 
     def write(self, text: str) -> int:
-        """Pass on what is not expected; a line that begins as an expected one is held until it ends."""
+        """Forward unexpected text; a line that begins like an expected one is held back until it is complete."""
         self._line += text
-        if self._line.endswith("\n") or not any(begin in self._line for begin in _BEGINNINGS):
+        if self._line.endswith("\n") or not any(begin in self._line for begin in _MESSAGE_STARTS):
             self.pass_on()
         return len(text)
 
     def pass_on(self) -> None:
-        """Write the line that is held, unless it is expected."""
+        """Write the line that is held back, unless it is expected."""
         line, self._line = self._line, ""
         if not _EXPECTED.search(line):
             self.stream.write(line)
@@ -138,17 +138,17 @@ class _Sieve:
 
 @contextmanager
 def without_chatter() -> Iterator[None]:
-    """Inside, in any thread, the expected lines do not reach `sys.stderr`; everything else does."""
+    """Keep the expected lines, from any thread, from reaching `sys.stderr`; everything else passes."""
     global _inside
     with _lock:
         if not _inside and sys.stderr is not None:
-            sys.stderr = _Sieve(sys.stderr)
+            sys.stderr = _FilteredStream(sys.stderr)
         _inside += 1
     try:
         yield
     finally:
         with _lock:
             _inside -= 1
-            if not _inside and isinstance(sys.stderr, _Sieve):
+            if not _inside and isinstance(sys.stderr, _FilteredStream):
                 sieve, sys.stderr = sys.stderr, sys.stderr.stream
                 sieve.pass_on()

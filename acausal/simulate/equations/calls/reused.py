@@ -1,10 +1,10 @@
-"""Jacobians that serve several steps of a multistep method.
+"""Jacobians that are reused for several steps of a multistep method.
 
-SUNDIALS asks for a Newton matrix whenever its step has changed. A matrix with an older Jacobian does as well as long as
-Newton's method converges, on which the solution does not depend: CVODE keeps one for 50 steps, but CasADi's interfaces
-evaluate the Jacobian each time. Where it takes as long as many evaluations of the rates (a box on a box: 18) that is
-most of a run. Source of the strategy: A. C. Hindmarsh et al., SUNDIALS: suite of nonlinear and differential/algebraic
-equation solvers, ACM Transactions on Mathematical Software 31 (2005) 363-396, section 2.1.
+SUNDIALS requests a Newton matrix whenever its step has changed. A matrix with an older Jacobian is as good as long as
+Newton's method converges, because it does not affect the solution: CVODE keeps one for 50 steps, but CasADi's
+interfaces evaluate the Jacobian each time. If that takes as long as many evaluations of the rates (18 for a box on a
+box), it dominates a run. Source of the strategy: A. C. Hindmarsh et al., SUNDIALS: suite of nonlinear and
+differential/algebraic equation solvers, ACM Transactions on Mathematical Software 31 (2005) 363-396, section 2.1.
 """
 
 from __future__ import annotations
@@ -13,27 +13,28 @@ from typing import Any
 
 import numpy as np
 
-from acausal.simulate.equations.calls.in_columns import OnMemory, outputs
+from acausal.simulate.equations.calls.in_columns import BufferCallback, outputs
 
 _REUSED = 5
-"""Newton matrices in a row that are made of an older Jacobian; each serves seven steps between kinks."""
-# Instructions of a Jacobian, and how many times those of the rates, from which on it is most of the work.
-_LONG, _SHARE = 8_000, 8
+"""Consecutive Newton matrices that use an older Jacobian; each matrix serves about seven steps between kinks."""
+# A Jacobian is reused if it has at least this many instructions, and this many times as many as the rates.
+_MANY_INSTRUCTIONS, _WORK_RATIO = 8_000, 8
 
 
 def pays(rates: Any, jacobian: Any) -> bool:
-    """Whether evaluations of this Jacobian are most of what an integration of these rates takes."""
+    """Whether evaluations of this Jacobian dominate an integration of these rates."""
     if not rates.is_a("SXFunction") or not jacobian.is_a("SXFunction"):
         return False
-    return bool(jacobian.n_instructions() >= max(_LONG, _SHARE * rates.n_instructions()))
+    return bool(jacobian.n_instructions() >= max(_MANY_INSTRUCTIONS, _WORK_RATIO * rates.n_instructions()))
 
 
-class Reused(OnMemory):
-    """A Jacobian function `(t, x, z, p, u) -> blocks` that hands out what it has computed for an earlier point.
+class Reused(BufferCallback):
+    """A Jacobian function `(t, x, z, p, u) -> blocks` that returns the result for an earlier point several times.
 
-    A step that is tried again is asked for at an earlier time: once with the same Jacobian, as its error may have been
-    too large, then with a new one, as Newton's method may not have converged. For one thread, and one integration after
-    the other: `begin` is called before each, so that none depends on those before it.
+    A step that is repeated calls it at an earlier time. The first repetition gets the same Jacobian, as the error of
+    the step may have been too large; the next one gets a new Jacobian, as Newton's method may not have converged. An
+    object serves one thread and one integration at a time; `begin` is called before each, so that results do not depend
+    on earlier integrations.
     """
 
     def __init__(self, jacobian: Any) -> None:
@@ -48,7 +49,7 @@ class Reused(OnMemory):
         self.begin()
 
     def begin(self) -> None:
-        """Forget what was computed: the next call is the first one of an integration."""
+        """Begin an integration: the next call evaluates the Jacobian."""
         self.evaluations, self._age, self._retries, self._t = 0, _REUSED, 0, -np.inf
 
     def _run(self) -> int:
