@@ -28,7 +28,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
-from acausal.simulate.equations.scaled import UNIT, measured
+from acausal.simulate.equations.scaled import UNIT, in_units
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.cache import made
 from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
@@ -124,7 +124,7 @@ class Native:
         """A whole integrator, "rosenbrock" or "erk", that passes time events by itself where nothing is algebraic.
 
         Tolerances and step are arguments of the program: all values of them use the same library. Units of algebraic
-        variables are appended to its parameters (`measured`).
+        variables are appended to its parameters (`in_units`).
         """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": 10**6, **fixed}
@@ -132,7 +132,7 @@ class Native:
 
         def text() -> str | None:
             dae, constants = self.equations
-            written = source.integrator(plugin, measured(dae) if self.compiled.algebraic else dae, neutral, constants)
+            written = source.integrator(plugin, in_units(dae) if self.compiled.algebraic else dae, neutral, constants)
             return None if written is None else f"{written}#define PLAIN\n{event_loop_source()}"
 
         def load(path: Path) -> EventLoopProgram:

@@ -1,1 +1,1 @@
-"""What a run has computed, and what is put right before it is shown."""
+"""The recorded rows of a run, and their corrections and checks before they become a result."""

@@ -1,8 +1,9 @@
-"""Integrals of functions of time that act on nothing: solved apart, so that they neither cost steps nor lose accuracy.
+"""Quadratures: integrals of functions of time that act on nothing, solved separately from the other states.
 
-Their rates are Chebyshev series on panels, halved until the series ends; integrated term by term, they give every
-output time at once. Source: J. P. Boyd, Chebyshev and Fourier Spectral Methods (2001), chapter 2. An integrator per
-segment costs three times as much, most of it to be made.
+They neither cost steps of the solver nor lose accuracy. Their rates become Chebyshev series on panels, which are halved
+until the series have converged; integrated term by term, the series give all output times at once. Source: J. P. Boyd,
+Chebyshev and Fourier Spectral Methods (2001), chapter 2. An integrator for each segment costs three times as much, most
+of it for its construction.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from acausal.simulate.solvers.segment import Tolerances
 _ORDER = 16
 _POINTS = np.cos(np.pi * (np.arange(_ORDER + 1) + 0.5) / (_ORDER + 1))
 _SERIES = np.linalg.inv(chebyshev.chebvander(_POINTS, _ORDER)).T
-"""Values at the points, as a row, times this are the coefficients of the series."""
+"""A row of values at the points times this matrix gives the coefficients of the series."""
 _INTEGRAL = chebyshev.chebint(np.eye(_ORDER + 1), lbnd=-1, axis=1)
-"""Coefficients times this are those of the integral from the left end."""
+"""A row of coefficients times this matrix gives the coefficients of the integral from the left end."""
 _ROUNDING = 1e-17
-"""Coefficients of this share of the largest one add nothing to a sum of them."""
-_SMALLEST = 1e-12
-"""Width of a panel, relative to the whole, below which a jump of the rate is left as it is."""
+"""Coefficients below this fraction of the largest one do not affect the sum."""
+_NARROWEST = 1e-12
+"""Panels narrower than this fraction of their stretch are not halved further, even if the rate jumps in them."""
 
 
 def integrals(
@@ -42,21 +43,23 @@ def integrals(
     Parameters
     ----------
     rates
-        Of instants and the stretches they belong to, both of shape (m,), the rates, shape (nq, m).
+        A function of instants and of the stretches to which they belong, both of shape (m,), that returns the rates,
+        shape (nq, m).
     starts
-        Where each stretch starts; shape (k,).
+        Start of each stretch [s]; shape (k,).
     times, stretches
-        The instants, ascending within each stretch, and the stretch of each, ascending; shape (n,). None is without.
+        The instants [s], ascending in each stretch, and the stretch of each, ascending; shape (n,). Each stretch has
+        an instant.
     tolerances
-        Accuracy of each integral, relative to its change and as it is.
+        Accuracy of each integral, relative to its change, and absolute.
     breaks
-        Where rates may jump or have a kink, ascending [s]: panels end there.
+        Instants at which rates may jump or have a kink, ascending [s]: panels end there.
     """
     a, b = starts, times[np.searchsorted(stretches, np.arange(len(starts)), side="right") - 1]
     whole, stretch = b - a, np.arange(len(starts))
     if breaks is not None and len(breaks):
         a, b, stretch = _broken(a, b, breaks)
-    found: list[tuple[Vector, Vector, Indices, Vector]] = []
+    accepted: list[tuple[Vector, Vector, Indices, Vector]] = []
     while len(a):
         half = 0.5 * (b - a)
         nodes = a[:, None] + half[:, None] * (1.0 + _POINTS)
@@ -66,29 +69,29 @@ def integrals(
         series = values @ _SERIES
         tail = 2.0 * half * np.abs(series[:, :, -3:]).max(axis=2)
         size = 2.0 * half * np.abs(values).max(axis=2)
-        short = (tail > tolerances.of(size)).any(axis=0) & (b - a > _SMALLEST * whole[stretch])
-        done = ~short
-        found.append((a[done], b[done], stretch[done], (half[:, None] * series @ _INTEGRAL)[:, done]))
-        middle = (a + half)[short]
-        a, b = np.concatenate([a[short], middle]), np.concatenate([middle, b[short]])
-        stretch = np.concatenate([stretch[short], stretch[short]])
+        unresolved = (tail > tolerances.of(size)).any(axis=0) & (b - a > _NARROWEST * whole[stretch])
+        done = ~unresolved
+        accepted.append((a[done], b[done], stretch[done], (half[:, None] * series @ _INTEGRAL)[:, done]))
+        middle = (a + half)[unresolved]
+        a, b = np.concatenate([a[unresolved], middle]), np.concatenate([middle, b[unresolved]])
+        stretch = np.concatenate([stretch[unresolved], stretch[unresolved]])
     inside: Indices | slice
-    if len(found) == 1 and len(found[0][0]) == len(starts):  # one panel for each stretch, in order
-        left, right, _, panels = found[0]
+    if len(accepted) == 1 and len(accepted[0][0]) == len(starts):  # one panel for each stretch, in order
+        left, right, _, panels = accepted[0]
         inside, before = stretches if len(starts) > 1 else slice(0, 1), np.zeros((len(panels), 1))
     else:
-        left, right, inside, panels, before = _assembled(found, len(starts), times, stretches)
-    width = (right - left)[inside]  # 0 where an event is found at the very start of its stretch
+        left, right, inside, panels, before = _assembled(accepted, len(starts), times, stretches)
+    width = (right - left)[inside]  # 0 if an event is located at the very start of its stretch
     at = 2.0 * (times - left[inside]) / np.where(width > 0.0, width, 1.0) - 1.0
     return np.asarray(before + _sums(panels, inside, np.clip(at, -1.0, 1.0)))
 
 
 def _sums(panels: Vector, inside: Indices | slice, at: Vector) -> Vector:
-    """Chebyshev series, shape (nq, panels, degrees), of the panels `inside` at n places from -1 to 1; shape (nq, n).
+    """Evaluate series, shape (nq, panels, degrees), of the panels `inside` at n points in [-1, 1]; shape (nq, n).
 
-    `inside` is a slice of one where all places are in one panel.
+    `inside` is a slice of one panel if it contains all points.
 
-    By Clenshaw's recurrence: a cosine for each degree and place takes ten times as long.
+    Clenshaw's recurrence is used: a cosine for each degree and point takes ten times as long.
     """
     sizes = np.abs(panels).max(axis=(0, 1), initial=0.0)
     degree = int(np.flatnonzero(sizes > _ROUNDING * sizes.max(initial=0.0)).max(initial=0))
@@ -99,7 +102,7 @@ def _sums(panels: Vector, inside: Indices | slice, at: Vector) -> Vector:
 
 
 def _broken(a: Vector, b: Vector, breaks: Vector) -> tuple[Vector, Vector, Indices]:
-    """Stretches from `a` to `b` in pieces that end at `breaks`, and the stretch of each."""
+    """Divide stretches from `a` to `b` at `breaks`; returns starts and ends of the pieces, and the stretch of each."""
     first, last = np.searchsorted(breaks, a, side="right"), np.searchsorted(breaks, b, side="left")
     inside = np.maximum(last - first, 0)
     stretch = np.repeat(np.arange(len(a)), inside + 1)
@@ -113,15 +116,15 @@ def _broken(a: Vector, b: Vector, breaks: Vector) -> tuple[Vector, Vector, Indic
 
 
 def _assembled(
-    found: list[tuple[Vector, Vector, Indices, Vector]], count: int, times: Vector, stretches: Indices
+    accepted: list[tuple[Vector, Vector, Indices, Vector]], count: int, times: Vector, stretches: Indices
 ) -> tuple[Vector, Vector, Indices, Vector, Vector]:
-    """Ends of all panels in order, the panel of each instant, the series, and what was gathered before each instant."""
-    left, right = np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
-    owner = np.concatenate([f[2] for f in found])
+    """Sort all panels: their ends, the panel of each instant, the series, and the integral up to that panel."""
+    left, right = np.concatenate([f[0] for f in accepted]), np.concatenate([f[1] for f in accepted])
+    owner = np.concatenate([f[2] for f in accepted])
     order = np.lexsort((left, owner))
     left, right, owner = left[order], right[order], owner[order]
-    panels = np.concatenate([f[3] for f in found], axis=1)[:, order]
-    # since its stretch began; polynomials of Chebyshev are 1 at the right end of a panel
+    panels = np.concatenate([f[3] for f in accepted], axis=1)[:, order]
+    # from the start of its stretch; Chebyshev polynomials are 1 at the right end of a panel
     total = np.cumsum(panels.sum(axis=2), axis=1)
     before = np.hstack([np.zeros((len(total), 1)), total[:, :-1]])
     first = np.searchsorted(owner, np.arange(count))
@@ -129,6 +132,6 @@ def _assembled(
     inside = first[stretches]
     ends = np.append(first[1:], len(left))
     for k in np.flatnonzero(ends - first > 1).tolist():  # the last panel that begins before the instant
-        here = slice(*np.searchsorted(stretches, [k, k + 1]))
-        inside[here] += np.maximum(np.searchsorted(left[first[k] : ends[k]], times[here]) - 1, 0)
+        of_stretch = slice(*np.searchsorted(stretches, [k, k + 1]))
+        inside[of_stretch] += np.maximum(np.searchsorted(left[first[k] : ends[k]], times[of_stretch]) - 1, 0)
     return left, right, inside, panels, before[:, inside]
