@@ -1,4 +1,4 @@
-"""Rows of several systems as rows of one: common outputs, and both sides of every event of any of them."""
+"""Merges the rows of independent systems: rows at the common outputs, and at both sides of each event of any system."""
 
 from __future__ import annotations
 
@@ -16,19 +16,18 @@ Boundary = tuple[float, tuple[Cause, ...], tuple[str, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What one system recorded in a stretch."""
+    """The recorded rows of one system in a stretch."""
 
-    # `times`, `x`, `m`: the rows: instants (n,), states (nx, n), modes (nm, n). The first is that of the start of the
-    # stretch.
+    # `times`, `x`, `m`: instants (n,), states (nx, n) and modes (nm, n). The first row is the start of the stretch.
     times: Vector
     x: Vector
     m: Vector
-    # The events in it: time, causes, what clauses did. The last rows of their instants are those behind them.
+    # The events in it: time, causes, changes by `when` clauses. The last rows of their instants are those after them.
     boundaries: tuple[Boundary, ...]
 
     @cached_property
     def shown(self) -> dict[float, list[Boundary]]:
-        """Events by their instants, but where nothing is to be told."""
+        """Events by their instants, without those that the result does not list."""
         found: dict[float, list[Boundary]] = {}
         for b in self.boundaries:
             found.setdefault(b[0], []).append(b)
@@ -36,16 +35,17 @@ class Rows:
 
     @cached_property
     def starts(self) -> Indices:
-        """Rows from which it was integrated: the first, and the last of each instant of an event."""
+        """Indices of the rows from which it was integrated: the first, and the last at each event."""
         ends = np.searchsorted(self.times, [b[0] for b in self.boundaries], side="right") - 1
         return np.unique(np.concatenate([[np.searchsorted(self.times, self.times[0], side="right") - 1], ends]))
 
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """Rows of the whole: `events` are the rows behind one, with causes and what clauses did.
+    """Rows of all systems together.
 
-    `sources` are for each system the columns of its own values, those it recorded and then those filled in.
+    `events` are the index of the row after each event, its causes, and changes by `when` clauses. `sources` are, for
+    each system, its recorded and filled-in states and modes, and the index among them for each row.
     """
 
     times: Vector
@@ -58,46 +58,48 @@ class Merged:
         return x[:, columns], m[:, columns]
 
 
-def merged(all_: Sequence[Rows], outputs: Vector, fill: Callable[[int, Rows, Vector], tuple[Vector, Vector]]) -> Merged:
-    """The rows at `outputs` and at the events of all systems, without the first of each.
+def merged(
+    systems: Sequence[Rows], outputs: Vector, fill: Callable[[int, Rows, Vector], tuple[Vector, Vector]]
+) -> Merged:
+    """Merge the rows at `outputs` and at the events of all systems, without the first row of each.
 
-    `fill(k, rows, times)` gives states and modes of a system at events of others.
+    `fill(k, rows, times)` returns states and modes of a system at events of other systems.
     """
-    events = sorted({t for rows in all_ for t in rows.shown})
+    events = sorted({t for rows in systems for t in rows.shown})
     if not events:
-        alone = [_alone(rows, outputs) for rows in all_]
+        alone = [_outputs_only(rows, outputs) for rows in systems]
         if all(columns is not None for columns in alone):
-            sources = [(o.x, o.m, columns) for o, columns in zip(all_, alone, strict=True) if columns is not None]
+            sources = [(o.x, o.m, columns) for o, columns in zip(systems, alone, strict=True) if columns is not None]
             return Merged(outputs, (), tuple(sources))
     instants = np.union1d(outputs, events) if events else outputs
-    own = [_Own(rows, instants) for rows in all_]
-    left = np.max([o.left for o in own], axis=0)
-    right = np.max([o.right for o in own], axis=0)
+    positions = [_Positions(rows, instants) for rows in systems]
+    left = np.max([o.left for o in positions], axis=0)
+    right = np.max([o.right for o in positions], axis=0)
     which = np.repeat(np.arange(len(instants)), left + right)
     number = np.arange(len(which)) - np.repeat(np.cumsum(left + right) - left - right, left + right)
     sources = []
-    for k, o in enumerate(own):
+    for k, o in enumerate(positions):
         x, m = o.rows.x, o.rows.m
         if o.missing.any():
             filled = fill(k, o.rows, instants[o.missing])
             x, m = np.hstack([x, filled[0]]), np.hstack([m, filled[1]])
         sources.append((x, m, o.columns(which, number, left)))
-    told = []
+    after = []
     for row in np.flatnonzero(number >= left[which]).tolist():
         t, j = float(instants[which[row]]), int(number[row] - left[which[row]])
-        here = [b[j] for rows in all_ if len(b := rows.shown.get(t, [])) > j]
-        told.append((row, tuple(c for b in here for c in b[1] if c.text), tuple(w for b in here for w in b[2])))
-    return Merged(instants[which], tuple(told), tuple(sources))
+        same = [b[j] for rows in systems if len(b := rows.shown.get(t, [])) > j]
+        after.append((row, tuple(c for b in same for c in b[1] if c.text), tuple(w for b in same for w in b[2])))
+    return Merged(instants[which], tuple(after), tuple(sources))
 
 
-def _alone(rows: Rows, outputs: Vector) -> Indices | None:
-    """Columns of a system at outputs between which nothing is shown: their last; None where it has not all of them."""
+def _outputs_only(rows: Rows, outputs: Vector) -> Indices | None:
+    """Columns of a system at outputs without events in between: the last of each; None if some are missing."""
     last = np.searchsorted(rows.times, outputs, side="right") - 1
     return last if last[0] > 0 and np.array_equal(rows.times[last], outputs) else None
 
 
-class _Own:
-    """Where a system has rows at some instants."""
+class _Positions:
+    """Positions of the rows of a system at some instants."""
 
     def __init__(self, rows: Rows, instants: Vector) -> None:
         self.rows = rows
@@ -109,11 +111,14 @@ class _Own:
         alone = self.missing | (self.right == 0)
         self.left = np.where(alone, 1, self.last + 1 - self.first - self.right)
         filled = len(rows.times) + np.cumsum(self.missing) - 1
-        # where nothing is shown, the last row: what is silent has happened
+        # without a listed event, the last row: events that are not listed have happened by then
         self.first = np.where(alone, np.where(self.missing, filled, self.last), self.first)
 
     def columns(self, which: Indices, number: Indices, left: Indices) -> Indices:
-        """The column of its values for each row: the number-th of an instant, `left` of them before the event."""
+        """The column of the system's values for each merged row.
+
+        A merged row is the `number`-th of the instant `which`, and `left` rows of each instant are before its event.
+        """
         behind = number - left[which]
         before = self.first[which] + np.minimum(number, self.left[which] - 1)
         after = self.first[which] + self.left[which] + np.minimum(behind, self.right[which] - 1)

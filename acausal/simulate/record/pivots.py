@@ -1,8 +1,8 @@
-"""Pivots watched in the run: what was eliminated by dividing must not be divided by zero where the run comes to.
+"""Checks of the pivots in a run: variables were eliminated by a division, whose divisor must not vanish in the run.
 
-Closed loops of joints have no pivots that are safe by their form. Those that kept their sign at the sample points were
-taken; where one changes its sign in a run, the equations are only undefined at that instant, but a solver is lucky to
-step over it. The equations are then solved anew with points of the run among the samples, and the run begins again.
+Closed loops of joints have no pivots that are safe by their form. Pivots were chosen that kept their sign at the sample
+points. Where one changes its sign in a run, the equations are undefined only at that instant, but few solvers can step
+over it. The equations are then solved again with points of the run among the samples, and the run is repeated.
 """
 
 from __future__ import annotations
@@ -26,11 +26,17 @@ if TYPE_CHECKING:
 
 Rows = tuple[Vector, Vector, Vector, Vector]
 
-_MOST = 40  # points of runs among the samples
-_EACH = 8  # points taken of one run beside those where a pivot is smallest
-_AHEAD = (0.0, 1e-4, 1e-3, 1e-2, 5e-2)  # looked beyond the point where a run failed, by the time since its start
-# The function of a model's pivots; None without any.
-_known: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
+_MOST_POINTS = 40  # of runs among the samples
+_POINTS_OF_RUN = 8  # taken from one run, in addition to those where a pivot is smallest
+_AHEAD_FRACTIONS = (
+    0.0,
+    1e-4,
+    1e-3,
+    1e-2,
+    5e-2,
+)  # points examined after a failure, relative to the time since the start
+# The function of the pivots of each model; None if it has none.
+_PIVOTS: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
 
 
 def may_lose_pivots(compiled: CompiledModel) -> bool:
@@ -40,9 +46,9 @@ def may_lose_pivots(compiled: CompiledModel) -> bool:
 
 
 def without_lost_pivots(recorder: Recorder, stopped: Segment | None) -> CompiledModel | None:
-    """The model with other pivots where some of its own were lost in a run; None where all were kept.
+    """Return the model with other pivots if a pivot changed its sign in a run; None if all kept theirs.
 
-    `stopped` begins where a run came to that failed.
+    `stopped` begins at the point that a failed run reached; None for a completed run.
     """
     if not may_lose_pivots(recorder.compiled) or not recorder.count:
         return None
@@ -51,32 +57,32 @@ def without_lost_pivots(recorder: Recorder, stopped: Segment | None) -> Compiled
 
 
 def loses_pivots(recorder: Recorder, stopped: Segment) -> bool:
-    """Whether some pivot is lost up to where a run came to, or on the way on from there."""
+    """Whether a pivot changes its sign up to the point that a failed run reached, or shortly after it."""
     return bool(len(_lost(recorder, stopped)[1]))
 
 
 def _lost(recorder: Recorder, stopped: Segment | None) -> tuple[Rows, Vector]:
-    """Rows of a run, and the values there of the pivots that are lost, shape (pivots, rows)."""
+    """Rows of a run, and the values there of the pivots that change their sign, shape (pivots, rows)."""
     rows = recorder.rows() if stopped is None else _extended(recorder, stopped)
-    found = _values(_pivots(recorder.compiled), recorder, rows)
-    return rows, found[[k for k in range(len(found)) if not keeps_sign(found[k])]]
+    values = _values(_pivots(recorder.compiled), recorder, rows)
+    return rows, values[[k for k in range(len(values)) if not keeps_sign(values[k])]]
 
 
 def _pivots(compiled: CompiledModel) -> Any:
-    """`(t, x, z, u, p, m) -> pivots` that vary and that the model's own equations do not divide by."""
-    if compiled not in _known:
+    """`(t, x, z, u, p, m) -> pivots`: divisors that vary, and by which the equations as stated do not divide."""
+    if compiled not in _PIVOTS:
         solution = compiled.solution
         pool = solution.structure.reduced.pool
-        own = _divisors(pool, solution.structure.reduced.residuals)
+        stated = _divisors(pool, solution.structure.reduced.residuals)
         definitions = [d for d in solution.definitions if d[0] in solution.needed]
         taken = _divisors(pool, [*(n for _, n in definitions), *solution.residuals])
-        nodes = sorted(n for n in taken - own if pool.variables_in(n))
+        nodes = sorted(n for n in taken - stated if pool.variables_in(n))
         s = Symbols(compiled)
         builder = s.builder(compiled)
         builder.define(definitions, compiled.rewritten)
         column = ca.vertcat(*builder.lower(builder.replaced(nodes))) if nodes else None
-        _known[compiled] = None if column is None else ca.Function("pivots", s.inputs, [ca.densify(column)])
-    return _known[compiled]
+        _PIVOTS[compiled] = None if column is None else ca.Function("pivots", s.inputs, [ca.densify(column)])
+    return _PIVOTS[compiled]
 
 
 def _divisors(pool: Any, roots: Any) -> set[int]:
@@ -92,37 +98,37 @@ def _values(function: Any, recorder: Recorder, rows: Rows) -> Vector:
 
 
 def _extended(recorder: Recorder, stopped: Segment) -> Rows:
-    """The rows of a run that failed, where it came to, and a few on the way on from there."""
+    """The rows of a failed run, and a few points after the one that it reached, along the rates."""
     times, x, z, m = recorder.rows()
     rate = recorder.compiled.rhs(stopped.start, stopped.x, stopped.z, recorder.u, recorder.p, stopped.p)[0]
-    ahead = np.array(_AHEAD) * max(stopped.start - times[0], 1e-3)
-    on = stopped.x[:, None] + np.nan_to_num(np.array(rate), posinf=0.0, neginf=0.0) * ahead
+    ahead = np.array(_AHEAD_FRACTIONS) * max(stopped.start - times[0], 1e-3)
+    x_ahead = stopped.x[:, None] + np.nan_to_num(np.array(rate), posinf=0.0, neginf=0.0) * ahead
     wide = (np.tile(part[:, None], (1, len(ahead))) for part in (stopped.z, stopped.p))
-    more = (stopped.start + ahead, on, *wide)
+    more = (stopped.start + ahead, x_ahead, *wide)
     return tuple(np.concatenate([a, b], axis=-1) for a, b in zip((times, x, z, m), more, strict=True))  # type: ignore[return-value]
 
 
 def _visited(recorder: Recorder, rows: Rows, lost: Vector) -> Visited:
-    """Rows where lost pivots are nearest to zero, on both sides of it, and some of all others."""
+    """Sample points: rows where lost pivots are nearest to zero, on both sides of it, and some other rows."""
     n = len(rows[0])
-    chosen = set(np.linspace(0, n - 1, min(n, _EACH)).astype(int).tolist())
-    for found in lost:
-        for side in (np.flatnonzero(found > 0), np.flatnonzero(found < 0)):
-            near = side[np.argsort(np.abs(found[side]))[:2]]
-            chosen |= set(near.tolist())
-    places = sorted(chosen)[:_MOST]
-    times, x, z, m = (part[..., places] for part in rows)
-    seen = recorder.observe(times, x, z, m)
+    chosen = set(np.linspace(0, n - 1, min(n, _POINTS_OF_RUN)).astype(int).tolist())
+    for pivot in lost:
+        for side in (np.flatnonzero(pivot > 0), np.flatnonzero(pivot < 0)):
+            nearest = side[np.argsort(np.abs(pivot[side]))[:2]]
+            chosen |= set(nearest.tolist())
+    indices = sorted(chosen)[:_MOST_POINTS]
+    times, x, z, m = (part[..., indices] for part in rows)
+    trajectories = recorder.observe(times, x, z, m)
     compiled = recorder.compiled
     reduced = compiled.solution.structure.reduced
     values = {
-        reduced.name(reduced.pool.nodes[node][1]): np.asarray(seen[:, k])
+        reduced.name(reduced.pool.nodes[node][1]): np.asarray(trajectories[:, k])
         for k, node in enumerate(compiled.columns)
         if reduced.pool.nodes[node][0] == "var"
     }
     before = compiled.solution.structure.points.visited
     if before is not None:
-        kept = max(0, _MOST - len(times))
+        kept = max(0, _MOST_POINTS - len(times))
         times = np.concatenate([before.times[:kept], times])
         values = {k: np.concatenate([before.values[k][:kept], v]) for k, v in values.items() if k in before.values}
     return Visited(times, values)

@@ -1,4 +1,4 @@
-"""What one step of a fixed size makes of a mode: stability functions, and the largest step that does not amplify.
+"""Stability functions of one-step methods: the amplification of a mode by a fixed step, and the largest stable step.
 
 A one-step method turns y' = lambda*y into y(t + h) = R(h*lambda)*y(t) with a rational function R; the step is stable
 for a mode when |R| <= 1 (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, section IV.2).
@@ -18,7 +18,7 @@ from acausal.arrays import Vector
 
 MOST_GROWTH = math.log(2.0)
 """Growth of a mode that makes a run worthless."""
-# Eigenvalues are known to rounding: a mode whose damping ratio is below this is undamped.
+# Eigenvalues have rounding errors: a mode whose damping ratio is below this counts as undamped.
 _UNDAMPED = 1e-10
 
 
@@ -26,10 +26,10 @@ _UNDAMPED = 1e-10
 class Method:
     """A one-step method with fixed steps."""
 
-    # `name`, `title`: key in reports, and the name people use.
+    # `name`, `title`: key in reports, and the usual name.
     name: str
     title: str
-    solver: str | None  # the solver of ours that runs it, or None: known here for comparison only
+    solver: str | None  # the solver of acausal that uses it; None for methods listed for comparison only
     order: int  # classical order of accuracy
     # `numerator`, `denominator`: coefficients of R(z), ascending powers.
     numerator: tuple[float, ...]
@@ -44,20 +44,20 @@ class Method:
 
     @property
     def at_infinity(self) -> float:
-        """|R| for infinitely fast modes: 0 for L-stable methods, 1 for those that let them ring."""
+        """|R| for infinitely fast modes: 0 for L-stable methods, 1 for those that let such modes ring."""
         top, bottom = len(self.numerator), len(self.denominator)
         if top != bottom:
             return math.inf if top > bottom else 0.0
         return abs(self.numerator[-1] / self.denominator[-1])
 
     def amplification(self, z: complex | NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """R(z), entry by entry."""
+        """R(z), elementwise."""
         value = np.asarray(z, dtype=complex)
         top, bottom = (np.polyval(np.array(c[::-1], dtype=complex), value) for c in (self.numerator, self.denominator))
         return np.asarray(top / bottom, dtype=complex)
 
     def radius(self, angle: float) -> float:
-        """Largest r with |R(s*exp(i*angle))| <= 1 for all 0 < s <= r; 0 when there is none, inf when all are.
+        """Largest r with |R(s*exp(i*angle))| <= 1 for all 0 < s <= r; 0 if there is none, inf if there is no bound.
 
         `angle` in rad, pi/2 for undamped modes and pi for a decay without oscillation.
         """
@@ -68,19 +68,19 @@ class Method:
         excess: Vector = np.zeros(1)
         size: Vector = np.zeros(1)
         for sign, coefficients in ((1.0, self.numerator), (-1.0, self.denominator)):
-            # powers by multiplication: those of i are exact then
-            along = np.array(coefficients) * np.cumprod([1.0, *[direction] * (len(coefficients) - 1)])
-            square = np.asarray(np.convolve(along, along.conj()).real, dtype=float)
-            bound = np.asarray(np.convolve(np.abs(along), np.abs(along)), dtype=float)
+            # powers by multiplication, which is exact for those of i
+            terms = np.array(coefficients) * np.cumprod([1.0, *[direction] * (len(coefficients) - 1)])
+            square = np.asarray(np.convolve(terms, terms.conj()).real, dtype=float)
+            bound = np.asarray(np.convolve(np.abs(terms), np.abs(terms)), dtype=float)
             excess = _sum(excess, sign * square)
             size = _sum(size, bound)
         excess[np.abs(excess) < 1e-13 * size] = 0.0
-        left = np.flatnonzero(excess)
-        if not len(left):
+        nonzero = np.flatnonzero(excess)
+        if not len(nonzero):
             return math.inf
-        if excess[left[0]] > 0.0:
+        if excess[nonzero[0]] > 0.0:
             return 0.0
-        roots = np.roots(excess[left[0] : left[-1] + 1][::-1])
+        roots = np.roots(excess[nonzero[0] : nonzero[-1] + 1][::-1])
         real = np.sort(roots.real[(np.abs(roots.imag) < 1e-7 * np.abs(roots)) & (roots.real > 0.0)])
         for r in real:
             if np.polyval(excess[::-1], r * (1.0 + 1e-6)) > 0.0:
@@ -102,7 +102,7 @@ class Method:
             return math.inf, 0j
         angles = np.minimum(np.maximum(np.abs(np.angle(decaying)), 0.5 * math.pi), math.pi)
         grid, radii = self._coarse
-        # between two angles of the table the radius is not below the smaller one by much: the best few are looked at
+        # between two angles of the table the radius is hardly below the smaller one, so the smallest few are examined
         after = np.minimum(np.searchsorted(grid, angles), len(grid) - 1)
         rough = np.minimum(radii[after], radii[np.maximum(after - 1, 0)]) / np.abs(decaying)
         worst, limiting = math.inf, 0j
@@ -115,7 +115,7 @@ class Method:
     def usable_step(self, modes: NDArray[np.complex128], span: float) -> tuple[float, complex]:
         """Largest step [s] with which no mode grows more than twofold in `span` seconds, and the mode that limits it.
 
-        That is the largest stable step, except for hardly damped modes: their growth with small steps is harmless.
+        This is the largest stable step, except for weakly damped modes, whose growth with small steps is harmless.
         """
         decaying = modes[(modes != 0.0) & (modes.real <= _UNDAMPED * np.abs(modes))]
         strict = np.array([self.radius(max(abs(float(np.angle(v))), 0.5 * math.pi)) for v in decaying])
@@ -131,7 +131,7 @@ class Method:
         return float(usable[worst]), complex(decaying[worst])
 
     def growth(self, modes: NDArray[np.complex128], step: float) -> Vector:
-        """Rates [1/s] at which steps of this size amplify modes beyond what the equations do; below 0 they damp."""
+        """Rates [1/s] at which steps of this size amplify modes more than the equations do; negative if they damp."""
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             size = np.log(np.abs(self.amplification(step * modes)))
         size = np.nan_to_num(size, nan=np.inf, neginf=-50.0)
@@ -149,8 +149,9 @@ def _truncated_exponential(order: int) -> tuple[float, ...]:
     return tuple(1.0 / math.factorial(k) for k in range(order + 1))
 
 
-# CasADi prints no coefficients of its `rosenbrock`. The denominator (1 - gamma*z)**8 and the two numerator coefficients
-# that order 5 leaves open were found from single steps on y' = lambda*y; all others follow, to 3e-15 in R.
+# CasADi does not document the coefficients of its `rosenbrock`. The denominator (1 - gamma*z)**8 and the two numerator
+# coefficients that order 5 leaves open were fitted to single steps on y' = lambda*y; the others follow. R agrees with
+# the solver to 3e-15.
 _GAMMA = 0.33233400604635016
 _ROSENBROCK_LAST = (0.003699401677644423, -0.0009461712969719745)
 
@@ -166,7 +167,7 @@ METHODS: tuple[Method, ...] = (
     Method("euler", "explicit Euler", None, 1, (1.0, 1.0)),
     Method("rk2", "Heun (RK2)", "rk2", 2, _truncated_exponential(2)),
     Method("rk4", "classical RK4", "rk", 4, _truncated_exponential(4)),
-    # the last coefficient was measured as that of `rosenbrock`
+    # the last coefficient was fitted like those of `rosenbrock`
     Method("erk", "explicit pair 5(4)", "erk", 5, (*_truncated_exponential(5), 77.0 / 51200.0)),
     Method("implicit_euler", "implicit Euler", None, 1, (1.0,), (1.0, -1.0), True),
     Method("trapezoid", "trapezoidal rule", None, 2, (1.0, 0.5), (1.0, -0.5), True),
@@ -178,4 +179,4 @@ METHODS: tuple[Method, ...] = (
     ),
     Method("rosenbrock", "Rosenbrock 5(4)", "rosenbrock", 5, *_rosenbrock(), True),
 )
-"""All methods known here, explicit ones first."""
+"""All methods, explicit ones first."""

@@ -1,8 +1,8 @@
-"""Runs with fixed steps that would amplify a mode are refused, with the mode by its states and the step that works.
+"""Refuses runs whose fixed step amplifies a mode; the error names the states of the mode, and a stable step.
 
-Cheap: eigenvalues at the start before the run, and at a few points of the run after it. A mode is amplified when
-|R(h*lambda)| > 1 (`amplification.py`); what counts is the growth that accumulates, so that the harmless growth of an
-undamped oscillation by Heun's method with small steps passes.
+The check is cheap: eigenvalues at the start before the run, and at a few points of the run after it. A mode is
+amplified if |R(h*lambda)| > 1 (`amplification.py`). The accumulated growth decides, so that the harmless growth of an
+undamped oscillation with small steps of Heun's method is accepted.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from acausal.simulate.record.record import Recorder
 from acausal.simulate.step_limit.amplification import METHODS, MOST_GROWTH, Method
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 
-# Growth in the first part of the run by which the start alone condemns it.
-_CERTAIN = math.log(1e3)
+# The run is refused before it begins if modes of the start grow this much (as a logarithm) in its first part.
+_LARGE_GROWTH = math.log(1e3)
 _FIRST_PART = 0.05
-_POINTS, _POINTS_OF_SMALL, _SMALL = 12, 400, 50
+_POINTS, _POINTS_IF_SMALL, _SMALL_SIZE = 12, 400, 50
 _FIRST_STEPS = 3
-_FEWEST_SHOWN = 0.1
+_LEAST_PARTICIPATION = 0.1
 
 
 @dataclass
 class StepLimit:
-    """Watches one run with a fixed step; does nothing unless the solver is explicit."""
+    """The checks of one run with a fixed step; they do nothing unless the solver is explicit."""
 
     problem: Problem
     solver: str
@@ -47,7 +47,8 @@ class StepLimit:
     def check_start(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
         """Refuse (AC405) a step that amplifies the start's modes a thousandfold within a twentieth of the run.
 
-        The first steps count too: a tool that stands beside the work is in stiff contact after one of them.
+        The points after the first steps are checked too: a tool next to the workpiece may be in stiff contact after one
+        step.
         """
         if self.method is None:
             return
@@ -55,7 +56,7 @@ class StepLimit:
         n = self.problem.n_dynamic
         for _ in range(_FIRST_STEPS):
             rate = float(self._rates(np.array([t]), x[:, None], z[:, None], m[:, None])[0])
-            if rate * max(_FIRST_PART * span, self.step) > _CERTAIN:
+            if rate * max(_FIRST_PART * span, self.step) > _LARGE_GROWTH:
                 raise self._refusal(t, x, z, m, rate * span)
             speed, second = self.matrix.rates(t, x, z, m)
             ahead = x[:n] + self.step * speed + 0.5 * self.step**2 * second
@@ -64,23 +65,23 @@ class StepLimit:
             t, x = t + self.step, np.concatenate([ahead, x[n:]])
 
     def check_run(self, recorder: Recorder, result: Result) -> None:
-        """Refuse (AC405) a run after it was made, when its step amplified a mode somewhere; also one that failed.
+        """Refuse (AC405) a run, completed or failed, whose step amplified a mode somewhere.
 
         The error carries `result`.
         """
         if self.method is None or not recorder.segments:
             return
         times, x, z, m = recorder.rows()
-        good = np.flatnonzero(np.isfinite(x).all(axis=0) & np.isfinite(z).all(axis=0))
-        if not len(good):
+        finite = np.flatnonzero(np.isfinite(x).all(axis=0) & np.isfinite(z).all(axis=0))
+        if not len(finite):
             return
-        count = min(_POINTS_OF_SMALL if self.problem.n_dynamic <= _SMALL else _POINTS, len(good))
-        chosen = np.unique(good[np.linspace(0, len(good) - 1, count).round().astype(int)])
+        count = min(_POINTS_IF_SMALL if self.problem.n_dynamic <= _SMALL_SIZE else _POINTS, len(finite))
+        chosen = np.unique(finite[np.linspace(0, len(finite) - 1, count).round().astype(int)])
         rates = self._rates(times[chosen], x[:, chosen], z[:, chosen], m[:, chosen])
-        at = times[chosen]
-        reach = np.diff(np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]]))
-        amplified = np.where(rates > 0.0, rates * np.maximum(reach, self.step), 0.0)
-        # what comes behind the row at which errors have outgrown the solution is no solution any more
+        instants = times[chosen]
+        durations = np.diff(np.concatenate([[instants[0]], 0.5 * (instants[1:] + instants[:-1]), [instants[-1]]]))
+        amplified = np.where(rates > 0.0, rates * np.maximum(durations, self.step), 0.0)
+        # rows after the one at which errors have outgrown the solution are meaningless
         worst = int(np.argmax(rates[: int(np.argmax(np.cumsum(amplified) > MOST_GROWTH)) + 1]))
         if amplified.sum() > MOST_GROWTH:
             k = chosen[worst]
@@ -90,7 +91,7 @@ class StepLimit:
 
     @property
     def step(self) -> float:
-        """The step really taken [s]: some methods divide every output interval into equal steps."""
+        """The step that is actually taken [s]: some methods divide every output interval into equal steps."""
         step, interval = self.options.step or math.inf, self.options.output_interval
         if self.solver == "erk":
             return min(step, self.options.stop_time - self.options.start_time)
@@ -98,13 +99,13 @@ class StepLimit:
 
     @property
     def matrix(self) -> StateMatrix:
-        """The linearised states of this run."""
+        """The linearised state equations of this run."""
         return StateMatrix(self.problem.compiled, self.problem.p, self.problem.u)
 
     def _rates(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
-        """Largest rate of numerical growth [1/s] at each point; 0 where none can be computed."""
+        """Largest rate of numerical growth [1/s] at each point; 0 where it cannot be computed."""
         assert self.method is not None
-        if self.problem.n_dynamic <= _SMALL and len(self.problem.compiled.algebraic) <= _SMALL:
+        if self.problem.n_dynamic <= _SMALL_SIZE and len(self.problem.compiled.algebraic) <= _SMALL_SIZE:
             spectra = list(self.matrix.spectra(times, x, z, m))
         else:
             found = (self.matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
@@ -120,7 +121,7 @@ class StepLimit:
         modes = self.matrix.eigenvalues(t, x, z, m)
         assert modes is not None
         worst = modes[int(np.argmax(self.method.growth(modes, self.step)))]
-        # of an undamped mode no step is stable: one that is harmless in this run
+        # for an undamped mode no step may be stable; then one that is harmless in this run
         largest = self.method.largest_step(modes)[0] or self.method.usable_step(modes, self.options.span)[0]
         size = float(np.abs(self.method.amplification(self.step * worst)))
         names = ", ".join(self._participants(t, x, z, m, worst))
@@ -138,30 +139,30 @@ class StepLimit:
         )
 
     def _participants(self, t: float, x: Vector, z: Vector, m: Vector, mode: complex) -> list[str]:
-        """Names of the states that take part in a mode, the most first."""
+        """Names of the states with the largest participation in a mode, in descending order."""
         matrix = self.matrix
         found = matrix.at(t, x, z, m) if matrix.size <= LARGEST_DENSE else None
         if found is None:
             return ["(too many states to name them)"]
-        share = participation(found, mode)
-        order = np.argsort(-share, kind="stable")[:3]
-        return [matrix.names[k] for k in order if share[k] >= _FEWEST_SHOWN * share[order[0]]]
+        factors = participation(found, mode)
+        order = np.argsort(-factors, kind="stable")[:3]
+        return [matrix.names[k] for k in order if factors[k] >= _LEAST_PARTICIPATION * factors[order[0]]]
 
 
 def participation(matrix: Vector, mode: complex) -> Vector:
-    """Share of each state in the eigenvalue of a matrix, shape (n, n), next to `mode`; shape (n,), sums to 1.
+    """Participation factors of the states in the eigenvalue of a matrix, shape (n, n), that is nearest to `mode`.
 
-    |left eigenvector entry * right eigenvector entry|, which does not depend on units (I. J. Perez-Arriaga,
-    G. C. Verghese, F. C. Schweppe, IEEE Trans. PAS-101 (1982) 3117).
+    They are |left eigenvector entry * right eigenvector entry|, which does not depend on units, normalised to a sum of
+    1; shape (n,). Source: I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE Trans. PAS-101 (1982) 3117.
     """
     from scipy.linalg import eig
 
     found: Any = eig(matrix, left=True, right=True)
     values, left, right = found
     k = int(np.argmin(np.abs(values - mode)))
-    share = np.abs(left[:, k].conj() * right[:, k])
-    total = float(share.sum())
-    return np.asarray(share / total if total > 0.0 else np.full(len(share), 1.0 / len(share)))
+    factors = np.abs(left[:, k].conj() * right[:, k])
+    total = float(factors.sum())
+    return np.asarray(factors / total if total > 0.0 else np.full(len(factors), 1.0 / len(factors)))
 
 
 def _text(mode: complex) -> str:

@@ -1,4 +1,4 @@
-"""The matrix of the linearised states at points of a run, algebraic variables eliminated, and its eigenvalues."""
+"""The matrix of the linearised state equations at points of a run, without algebraic variables; its eigenvalues."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import rows
 
 LARGEST_DENSE = 400
-"""Beyond so many states only the fastest eigenvalues are computed."""
+"""For more states than this, only the fastest eigenvalues are computed."""
 FEW = 12
-"""How many then."""
+"""Number of eigenvalues that are computed then."""
 
 
 @dataclass(frozen=True, eq=False)
 class StateMatrix:
     """d(rates)/d(states) of a compiled model with given parameters and inputs.
 
-    Algebraic variables follow the states by the implicit function theorem. Integrals of time that act on nothing and
-    discrete variables are left out: their eigenvalues are zero.
+    Algebraic variables are eliminated by the implicit function theorem. Quadratures and discrete variables are left
+    out, as their eigenvalues are zero.
     """
 
     compiled: CompiledModel
@@ -45,7 +45,7 @@ class StateMatrix:
 
     @cached_property
     def _derivatives(self) -> Any:
-        if self.compiled not in _made:
+        if self.compiled not in _DERIVATIVES:
             s = Symbols(self.compiled)
             ode, alg = self.compiled.rhs(*s.inputs)
             n = self.size
@@ -53,14 +53,14 @@ class StateMatrix:
             parts = [ca.jacobian(f, v) for f in (ode[:n], alg) for v in (s.x[:n], s.z)]
             speed = ca.vertcat(1, ode)
             rates = [ca.densify(ode[:n]), *(ca.densify(ca.jtimes(f, along, speed)) for f in (ode[:n], alg))]
-            _made[self.compiled] = ca.Function("derivatives", s.inputs, [*parts, *rates])
-        return _made[self.compiled]
+            _DERIVATIVES[self.compiled] = ca.Function("derivatives", s.inputs, [*parts, *rates])
+        return _DERIVATIVES[self.compiled]
 
     def _at(self, t: float, x: Vector, z: Vector, m: Vector) -> list[Any]:
         return list(self._derivatives(t, x, z, self.u, self.p, m))
 
     def at(self, t: float, x: Vector, z: Vector, m: Vector) -> Vector | None:
-        """The matrix [1/s], shape (n, n); None where the algebraic variables are not determined or not finite."""
+        """The matrix [1/s], shape (n, n); None where algebraic variables are not determined, or entries not finite."""
         fx, fz, gx, gz, *_ = (np.array(part) for part in self._at(t, x, z, m))
         try:
             matrix = fx - fz @ np.linalg.solve(gz, gx) if gz.size else fx
@@ -70,8 +70,8 @@ class StateMatrix:
 
     @property
     def inert(self) -> bool:
-        """Whether all eigenvalues are zero whatever the numbers: states that integrate others, without a loop."""
-        if self.compiled not in _inert:
+        """Whether the structure makes all eigenvalues zero: states integrate other states, without a loop."""
+        if self.compiled not in _INERT:
             fx, fz, gx, _, *_ = (self._derivatives.sparsity_out(k) for k in range(4))
             whole = fx
             if len(self.compiled.algebraic):
@@ -80,13 +80,13 @@ class StateMatrix:
                 whole = fx + ca.Sparsity.rowcol(rows, columns, self.size, self.size)
             loops, *_ = whole.scc() if whole.nnz() else (0, [], [])
             diagonal = whole.get_diag()[0].nnz() if whole.nnz() else 0
-            _inert[self.compiled] = whole.nnz() == 0 or (diagonal == 0 and loops == self.size)
-        return _inert[self.compiled]
+            _INERT[self.compiled] = whole.nnz() == 0 or (diagonal == 0 and loops == self.size)
+        return _INERT[self.compiled]
 
     def spectra(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Complex:
-        """Eigenvalues [1/s] at many points, shape (points, size), nan where there are none; columns are points.
+        """Eigenvalues [1/s] at many points, the columns of x, z and m; shape (points, size), nan where `at` is None.
 
-        For small systems: one call of compiled loops for all points.
+        For small systems this is one call of compiled loops for all points.
         """
         n, nz = self.size, len(self.compiled.algebraic)
         flat = rows(self._packed, (times[:, None], x.T, z.T, self.u, self.p, m.T))
@@ -97,39 +97,39 @@ class StateMatrix:
                 np.split(flat, ends, axis=1), ((n, n), (n, nz), (nz, n), (nz, nz)), strict=True
             )
         )
-        found = np.full((len(times), n), np.nan, dtype=complex)
-        good = np.asarray(np.isfinite(flat).all(axis=1), dtype=bool)
+        eigenvalues = np.full((len(times), n), np.nan, dtype=complex)
+        valid = np.asarray(np.isfinite(flat).all(axis=1), dtype=bool)
         if nz:
-            good = good & (np.abs(np.linalg.det(np.where(good[:, None, None], gz, 0.0))) > 0.0)
+            valid = valid & (np.abs(np.linalg.det(np.where(valid[:, None, None], gz, 0.0))) > 0.0)
             fx = fx.copy()
-            fx[good] -= fz[good] @ np.linalg.solve(gz[good], gx[good])
-        good = good & np.isfinite(fx).all(axis=(1, 2))
-        found[good] = np.linalg.eigvals(fx[good])
-        return found
+            fx[valid] -= fz[valid] @ np.linalg.solve(gz[valid], gx[valid])
+        valid = valid & np.isfinite(fx).all(axis=(1, 2))
+        eigenvalues[valid] = np.linalg.eigvals(fx[valid])
+        return eigenvalues
 
     @property
     def _packed(self) -> Any:
-        """All four parts as one dense column, for calls on NumPy's memory."""
-        if self.compiled not in _columns:
+        """All four parts as one dense column, for calls on NumPy memory."""
+        if self.compiled not in _PACKED:
             s = Symbols(self.compiled)
             parts = self._derivatives(*s.inputs)[:4]
             column = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
-            _columns[self.compiled] = ca.Function("packed", s.inputs, [column])
-        return _columns[self.compiled]
+            _PACKED[self.compiled] = ca.Function("packed", s.inputs, [column])
+        return _PACKED[self.compiled]
 
     def regularity(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[float, float]:
-        """How well the algebraic variables are determined: reciprocal condition and sign of the determinant.
+        """How well the algebraic variables are determined: reciprocal condition number, and sign of the determinant.
 
-        (1, 1) without algebraic variables, and where there are too many to look.
+        (1, 1) without algebraic variables, or with too many to compute it.
         """
         if not 0 < len(self.compiled.algebraic) <= LARGEST_DENSE:
             return 1.0, 1.0
-        slope = np.array(self._at(t, x, z, m)[3]) * self.compiled.nominal_z
-        size = np.abs(slope).max(axis=1, keepdims=True)
-        if not np.isfinite(slope).all() or not size.all():
+        jacobian = np.array(self._at(t, x, z, m)[3]) * self.compiled.nominal_z
+        size = np.abs(jacobian).max(axis=1, keepdims=True)
+        if not np.isfinite(jacobian).all() or not size.all():
             return 0.0, 0.0
-        slope = slope / size
-        return float(1.0 / np.linalg.cond(slope)), float(np.linalg.slogdet(slope)[0])
+        jacobian = jacobian / size
+        return float(1.0 / np.linalg.cond(jacobian)), float(np.linalg.slogdet(jacobian)[0])
 
     def rates(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[Vector, Vector]:
         """First and second time derivatives of the states along the solution, shape (n,) each."""
@@ -168,7 +168,7 @@ class StateMatrix:
 
         operator: Any = LinearOperator  # scipy's overloads confuse type checkers
         linear = operator((self.size, self.size), matvec=apply, dtype=float)
-        begin = np.cos(np.arange(1.0, self.size + 1.0))  # a fixed start, so that a run gives the same twice
+        begin = np.cos(np.arange(1.0, self.size + 1.0))  # a fixed start, so that results are reproducible
         try:
             search: Any = eigs
             return np.asarray(search(linear, k=FEW, which="LM", return_eigenvectors=False, v0=begin, tol=1e-6))
@@ -177,7 +177,7 @@ class StateMatrix:
             return np.asarray(found, dtype=complex) if found is not None and len(found) else None
 
 
-# The derivatives of a model do not depend on the run; symbolic work of milliseconds.
-_made: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
-_columns: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
-_inert: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
+# Functions for each model; they do not depend on the run, and building them takes milliseconds.
+_DERIVATIVES: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
+_PACKED: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
+_INERT: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
