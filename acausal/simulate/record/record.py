@@ -263,7 +263,7 @@ class Described(Mapping[str, Signal]):
         self._compiled, self._p = compiled, p
 
     @cached_property
-    def _made(self) -> dict[str, Signal]:
+    def _signals(self) -> dict[str, Signal]:
         return signals(self._compiled, self._p)
 
     @cached_property
@@ -272,17 +272,17 @@ class Described(Mapping[str, Signal]):
         return described(self._compiled)
 
     def __getitem__(self, name: str) -> Signal:
-        found = self._variables_only.get(name)
-        if found is not None and found.column is not None:
-            return found
-        if "_made" in self.__dict__:
+        signal = self._variables_only.get(name)
+        if signal is not None and signal.column is not None:
+            return signal
+        if "_signals" in self.__dict__:
             return self._signals[name]
         # only this one: a scene reads a few at each check of its contacts, and creating all takes as long as the run
         # between two checks
-        if found is not None:
-            return replace(found, value=float(self._constants[self._variables_only.constant(self._compiled, name)]))
-        parameter, place = self._variables_only.parameters[name]
-        (value,) = compiled_parameters(self._compiled, parameter.nodes[place : place + 1], self._p)
+        if signal is not None:
+            return replace(signal, value=float(self._constants[self._variables_only.constant(self._compiled, name)]))
+        parameter, entry = self._variables_only.parameters[name]
+        (value,) = compiled_parameters(self._compiled, parameter.nodes[entry : entry + 1], self._p)
         return Signal(name, parameter.declaration.unit, parameter.declaration.doc, value=value, parameter=True)
 
     @cached_property
