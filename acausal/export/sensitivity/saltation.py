@@ -24,7 +24,7 @@ from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import impulses
 from acausal.simulate.driver.agenda import due
 from acausal.simulate.driver.hybrid import Hybrid, Passage
-from acausal.simulate.events.guards import as_one
+from acausal.simulate.events.guards import same_instant
 from acausal.simulate.events.regime import Regime
 
 # Step, relative to the run and to the time scale of the states, of the difference quotient for the second derivative of
@@ -158,7 +158,7 @@ class Saltation:
         Raises ExportError: AC615 if several instants coincide that parameters separate.
         """
         instants, by_p = self.slopes.kept("instants", self._instants)(self.p)
-        at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= as_one(self.duration, t)]
+        at = [k for k, v in enumerate(instants.ravel()) if abs(v - t) <= same_instant(self.duration, t)]
         derivatives = [*by_p[at][:, self.chosen], *self._ticks(t)]
         if not derivatives:
             return np.zeros(self.count)

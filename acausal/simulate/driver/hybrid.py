@@ -16,7 +16,7 @@ from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.driver.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated, unsettled
-from acausal.simulate.events.guards import Cause, Guards, Moment, as_one, resting_band
+from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.search import Arrival, Search
 from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event
@@ -251,7 +251,7 @@ class Hybrid:
 
     def _last_same(self, t: float) -> float:
         """The last instant that counts as the same as this one."""
-        return float(t + as_one(self.span, t))
+        return float(t + same_instant(self.span, t))
 
     def _end_of_flights(self, here: float, moment: Moment, end: float) -> float | None:
         """When the flights of something at rest would have ended, if that is before `end` [s]; otherwise None."""
@@ -321,14 +321,14 @@ class Hybrid:
         """Flip the relations whose guards have fired, and iterate."""
         relations = [left.regime.active_set.owners[k][0] for k in np.flatnonzero(fired)]
         happened = self.iteration.settle(t, self.iteration.flipped(left, fired), left.m)
-        held, landed = self.bounces.landed(t, left, happened, relations)
-        if landed:
+        held, at_rest = self.bounces.come_to_rest(t, left, happened, relations)
+        if at_rest:
             after = self.iteration.settle(t, self.iteration.consistent(t, held), happened.moment.m)
             changed = tuple(dict.fromkeys((*happened.changed, *after.changed)))
-            notes = [rest.note for rest in landed if rest.time <= self._last_same(t)]
+            notes = [rest.note for rest in at_rest if rest.time <= self._last_same(t)]
             causes, notes = (*happened.causes, *after.causes), [*happened.notes, *notes, *after.notes]
             happened = replace(after, causes=causes, changed=changed, notes=tuple(notes))
-        self.bounces.saw(t, relations)
+        self.bounces.count_events(t, relations)
         if self.bounces.endless:
             names = [self.guards.texts[k] for k in self.bounces.endless]
             raise accumulated(self.problem.compiled, t, self.bounces.count, names)
@@ -536,7 +536,7 @@ class Hybrid:
             return np.zeros(0)
         g, rate, noise = self.guards.state(t, moment)
         resting = resting_band(g, rate, noise)
-        behind = self.guards.behind(t, g, rate, noise)
+        behind = self.guards.are_at_zero(t, g, rate, noise)
         return np.where(resting > 0.0, resting, np.where(behind, np.maximum(-2.0 * g, 0.0), 0.0))
 
     def _take(self, happened: Happened, t: float) -> Moment:

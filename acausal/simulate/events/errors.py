@@ -1,4 +1,4 @@
-"""Errors of the event iteration: they name who takes part."""
+"""Errors of the event iteration, which name the relations and clauses involved."""
 
 from __future__ import annotations
 
@@ -11,42 +11,41 @@ from acausal.lower.compiled import CompiledModel
 
 
 class Endless(EventError):
-    """Events without end. Where kinks are watched these may make them, and are better let alone.
+    """Events without end. Located kinks may cause them, so that the run is repeated without locating kinks.
 
-    Not only where the words name a kink: of one that is zero to rounding another relation may take the blame, as the
-    next that is ahead.
+    The text need not name a kink: if one is zero up to rounding errors, the next relation ahead may be named instead.
     """
 
 
 def accumulated(compiled: CompiledModel, t: float, count: int, names: Sequence[str]) -> Endless:
-    """Events without end in next to no time."""
+    """AC502: events without end and without progress in time."""
     return Endless(
         "AC502",
         f"{count} events follow one another at t = {t:.9g} s in {compiled.name} without time passing",
         where=_stated(compiled, names),
-        evidence=[f"relations that take part: {'; '.join(names[:4])}"],
-        cause="each event brings the next one nearer, as the bounces of a ball in a closing gap (Zeno behaviour), "
-        "and no state of rest is their limit",
-        help="let the `when` end it below a threshold, such as reset(v, where(abs(v) < v_min, 0, -e * pre(v))); give a "
+        evidence=[f"relations involved: {'; '.join(names[:4])}"],
+        cause="each event makes the next one follow sooner, like bounces of a ball in a closing gap (Zeno behaviour), "
+        "and their limit is no state of rest",
+        help="stop the motion below a threshold, such as reset(v, where(abs(v) < v_min, 0, -e * pre(v))); give a "
         "contact a spring and a damper, or a relay two thresholds",
     )
 
 
 def unsettled(compiled: CompiledModel, t: float, names: Sequence[str]) -> Endless:
-    """An event iteration without end."""
+    """AC501: an event iteration without end."""
     return Endless(
         "AC501",
         f"events do not settle at t = {t:.9g} s in {compiled.name}: {'; '.join(names)}",
         where=_stated(compiled, names),
         evidence=[f"changes again and again: {n}" for n in names],
-        cause="whatever value it takes, the equations at once ask for the other one (chattering)",
-        help="let it depend on what was before the event, pre(...), or give the relation two thresholds (hysteresis); "
-        "where its two sides hardly differ, where(..., smooth=True) or no_event(...) make no event of it",
+        cause="whichever value it takes, the equations immediately require the other one (chattering)",
+        help="make it depend on values before the event, pre(...), or give the relation two thresholds (hysteresis); "
+        "if its two sides hardly differ, where(..., smooth=True) or no_event(...) avoids the event",
     )
 
 
 def _stated(compiled: CompiledModel, texts: Sequence[str]) -> tuple[Span, ...]:
-    """Where these relations or clauses stand in the source: two places at most."""
+    """Where these relations or clauses are in the source; at most two spans."""
     flat = compiled.flat
     clauses = [c.where for c in compiled.state_events.clauses if any(t in c.text for t in texts)]
     discrete = [a.origin.span() for a in flat.assignments if a.origin and any(t in str(a.source) for t in texts)]
@@ -55,7 +54,7 @@ def _stated(compiled: CompiledModel, texts: Sequence[str]) -> tuple[Span, ...]:
 
 
 def undetermined(t: float, error: InitializationError) -> EventError:
-    """No values after an event, where there were some before: what is known at a start is known there as well."""
+    """AC507: no consistent values after an event; described like the error at a start that it is made from."""
     fact = error.fact.replace(" at the start", f" after the event at t = {t:.9g} s")
     if fact == error.fact:
         fact = f"{fact}, after the event at t = {t:.9g} s"
@@ -65,17 +64,17 @@ def undetermined(t: float, error: InitializationError) -> EventError:
         where=error.where,
         evidence=error.evidence,
         cause="after the event the equation has no solution, or it constrains variables that are determined already, "
-        "which would need the impulse of a force that no reset names",
+        "which would take an impulse of a force that no reset names",
         help="let it change continuously, connect it through a spring and damper or a clutch, "
         "or state the jump yourself: when(..., reset(velocity, value, by=force))",
     )
 
 
 def vain(model: str, t: float, clauses: Sequence[Clause]) -> EventError:
-    """Impulses that cannot give velocities their new values."""
+    """AC508: impulses that cannot give velocities their new values."""
     return EventError(
         "AC508",
-        f"{model}: no impulse gives velocities the values that they are reset to at t = {t:.9g} s",
+        f"{model}: no impulse gives velocities the values to which they are reset at t = {t:.9g} s",
         where=tuple(c.where for c in clauses[:2]),
         evidence=[c.text for c in clauses[:4]],
         cause="constraints hold the velocity, or impulses at this instant are redundant",
@@ -84,20 +83,20 @@ def vain(model: str, t: float, clauses: Sequence[Clause]) -> EventError:
 
 
 def overloaded(model: str, t: float, names: Sequence[str]) -> EventError:
-    """Stuck elements whose loads no equation determines, and whose motions contradict each other."""
+    """AC506: stuck elements whose loads no equation determines, and whose motions contradict each other."""
     return EventError(
         "AC506",
-        f"{model}: nothing that is stuck gives way at t = {t:.9g} s, although not all of it can hold",
+        f"{model}: no stuck element yields at t = {t:.9g} s, although not all of them can hold",
         evidence=[f"loads that the equations leave open: {', '.join(names)}"],
-        cause="a motion is prescribed where an element is held, a current where all blocks, or the limits of what is "
-        "stuck are infinite",
+        cause="a motion is prescribed where an element is held, a current where all diodes block, or the limits of the "
+        "stuck elements are infinite",
         help="give the elements finite largest forces, or let a spring or an inertia take up the motion; give ideal "
         "diodes a conductance Goff",
     )
 
 
 def violated(model: str, t: float, broken: Assert) -> EventError:
-    """An assertion that does not hold."""
+    """AC503: an assertion that does not hold."""
     where: tuple[Span, ...] = (broken.where,)
     place = f" in {broken.component}" if broken.component else ""
     return EventError(
@@ -110,7 +109,7 @@ def violated(model: str, t: float, broken: Assert) -> EventError:
 
 
 def not_a_clock(model: str, first: float, interval: float, clauses: Sequence[Clause]) -> EventError:
-    """A sample whose instants cannot be listed."""
+    """AC505: a sample whose instants cannot be listed."""
     return EventError(
         "AC505",
         f"{model}: sample({first:g}, {interval:g}) has no instants: its interval is {interval:g} s",
@@ -121,12 +120,12 @@ def not_a_clock(model: str, first: float, interval: float, clauses: Sequence[Cla
 
 
 def contradicting(model: str, t: float, name: str, clauses: Sequence[Clause]) -> EventError:
-    """Two `when`s that act at one instant and disagree."""
+    """AC504: two `when`s that act at one instant and set different values."""
     return EventError(
         "AC504",
         f"{name} is set to different values at t = {t:.9g} s in {model}",
         where=tuple(c.where for c in clauses),
         evidence=[c.text for c in clauses],
-        cause="two `when`s become true at the same instant; neither comes first",
+        cause="two `when`s become true at the same instant, and neither has precedence",
         help="make them branches of one: when(...).elsewhen(...), of which the first that becomes true acts",
     )

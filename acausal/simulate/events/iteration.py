@@ -1,10 +1,10 @@
-"""What happens at an event: rounds of the compiled event iteration, and relations that flip between them.
+"""The iteration at an event: rounds of a compiled function, and relations that flip between its calls.
 
-A round (`acausal.lower.events.round`) is the meaning of discrete equations, `when` and `pre`. Between its calls
-algebraic variables are solved for and relations that do not hold are flipped: all at once at first; a loop of modes
-that does not settle so is walked one relation at a time, the one of lowest number first, which ends for every P-matrix,
-that is for passive circuits and for friction (K. G. Murty, Note on a Bard-type scheme for solving the complementarity
-problem, Opsearch 11, 1974).
+A round (`acausal.lower.events.round`) gives discrete equations, `when` and `pre` their meaning. Between its calls,
+algebraic variables are solved for, and relations that do not hold are flipped. At first all of them flip at once. If
+the modes do not settle, one relation flips at a time, the one with the lowest number first, which terminates for every
+P-matrix, that is for passive circuits and for friction (K. G. Murty, Note on a Bard-type scheme for solving the
+complementarity problem, Opsearch 11, 1974).
 """
 
 from __future__ import annotations
@@ -25,28 +25,29 @@ from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
 from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
-from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, as_one
+from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, same_instant
 from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
 
 _MOST_ROUNDS = 400
-_AT_ONCE = 12
-_MOST_SINGLE = 2000
-# A relation that has flipped so often at one instant leads back to itself from both sides.
+# For so many iterations all wrong relations flip at once; and the most iterations altogether.
+_MOST_TOGETHER, _MOST_SINGLE = 12, 2000
+# A relation that has flipped so often at one instant chatters: both modes lead back to it.
 _CHATTER = 3
-# One that stays where its sides are equal is taken by its word, unless it has flipped so often.
-_TWICE = 2
-# A relation is kept in its mode for a moment so many times, each within this share of the run from the one before.
-_MOST_KEPT, _SOON = 20, 1e-6
+# A relation that stays where its sides are equal takes its literal value, unless it has flipped so often.
+_MOST_TIED = 2
+# A relation may be kept in its mode for a moment so many times in a row, each within this fraction of the run after the
+# last.
+_MOST_KEPT, _KEPT_WITHIN = 20, 1e-6
 Jumped = Callable[[float, Moment], tuple[Vector, tuple[Cause, ...]] | None]
-"""Modes in which delayed signals are read where the delays are at a moment, and causes; None if they are already."""
+"""Modes that make delayed signals be read with the delays of a moment, and causes; None if they are so already."""
 _SCALARS = tuple(Round._fields.index(name) for name in ("level", "settled", "clash"))
 
 
 @dataclass(frozen=True, eq=False)
 class Jump:
-    """Actions taken at a moment, one truth for each action of the model; and whether `pre` advanced behind them."""
+    """Actions at a moment: which actions of the model were applied, and whether `pre` advanced afterwards."""
 
     moment: Moment
     applied: Truth
@@ -55,7 +56,7 @@ class Jump:
 
 @dataclass(frozen=True, eq=False)
 class Happened:
-    """The moment after an event, what is said of it, what clauses did on the way, and which of them acted."""
+    """The moment after an event, its causes and notes, and the clauses that acted on the way, with their jumps."""
 
     moment: Moment
     causes: tuple[Cause, ...] = ()
@@ -67,21 +68,21 @@ class Happened:
 
 
 @dataclass
-class _Walk:
-    """What is remembered over one event: flips of each relation, how far each can be wrong, and turns so far."""
+class _Tally:
+    """The state of the iteration over one event: flips of each relation, its largest noise, and iterations so far."""
 
     flips: NDArray[np.int_]
-    doubt: Vector
-    turn: int = 0
+    noise: Vector
+    turns: int = 0
     causes: list[Cause] = field(default_factory=list)
-    """Delays that have jumped."""
+    """Delays that have jumped, as causes."""
     is_timed: bool = True
-    """Whether relations of time alone change before anything acts; not while `initial()` holds others back."""
+    """Whether relations of time alone change before any clause acts; not while `initial()` suspends the others."""
 
 
 @dataclass
-class _Story:
-    """What is told of an event."""
+class _Log:
+    """What is reported of an event."""
 
     causes: list[Cause] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -91,7 +92,7 @@ class _Story:
 
 
 class Iteration:
-    """The event iteration of one problem; `jumped` says where a past is that is read at other instants by an event."""
+    """The event iteration of one problem; `jumped` handles delays that an event changes."""
 
     def __init__(self, problem: Problem, guards: Guards, jumped: Jumped | None = None) -> None:
         self.problem = problem
@@ -130,101 +131,109 @@ class Iteration:
         samples: Vector | None = None,
         flag: str | None = None,
     ) -> Happened:
-        """Iterate from modes that have changed already.
+        """Iterate to the moment after an event, from modes some of which have changed already.
 
-        `before`: The modes that held before the event; a `when` acts if its condition was false under them.
-        `samples`, `flag`: Which samples are true now; "initial" or "terminal" at the ends of a run. What `initial()`
-        sets is the start: no other `when` acts because of it (Modelica 3.6, section 8.6).
+        Raises EventError: AC501, AC503, AC504, AC506, AC507, AC508.
+
+        `before`: The modes before the event; a `when` acts if its condition was false in them.
+        `samples`: Which samples are true now.
+        `flag`: "initial" or "terminal" at the ends of a run. Values that clauses with `initial()` set are those of the
+        start: no other `when` acts because of them (Modelica 3.6, section 8.6).
         """
         m = moment.m.copy()
         m[self.samples] = 0.0 if samples is None else samples
         m[self.flags] = [float(name == flag) for name in self.flag_names]
-        known = self._known(t, moment, m, before)
-        if known is not None:
-            return Happened(known)
-        x_before, was = moment.x, np.zeros(self.conditions)
+        repeated = self._repeated(t, moment, m, before)
+        if repeated is not None:
+            return Happened(repeated)
+        x_before, was_true = moment.x, np.zeros(self.conditions)
         if self.conditions:
-            was = self._round(t, Moment(x_before, moment.z, before, moment.regime), was, was, 0.0).conditions
-        story, entered = _Story(), m
+            was_true = self._round(
+                t, Moment(x_before, moment.z, before, moment.regime), was_true, was_true, 0.0
+            ).conditions
+        log, entered = _Log(), m
         try:
             held = 1.0 - self.opening if flag == "initial" and self.opening.any() else None
-            moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was, held, story)
-            moment, over = self._over(t, moment, last, flag)
-            if not (over.assigned == moment.x[self.assigned]).all():
+            moment, last = self._rounds(t, Moment(moment.x, moment.z, m, moment.regime), was_true, held, log)
+            moment, after = self._end_instant(t, moment, last, flag)
+            if not (after.assigned == moment.x[self.assigned]).all():
                 held = np.ones(self.conditions) if flag == "initial" else None
-                moment, last = self._rounds(t, moment, last.conditions, held, story)
+                moment, last = self._rounds(t, moment, last.conditions, held, log)
         except InitializationError as error:
             if flag == "initial" or error.code not in ("AC301", "AC304"):
                 raise
             raise undetermined(t, error) from error
-        self._shared(t, moment, story.notes)
+        self._check_loads(t, moment, log.notes)
         states = self.problem.compiled.states
         changed = tuple(states[k] for k in np.flatnonzero(moment.x != x_before).tolist())
-        self._check(t, last.asserts, story.notes)
-        jumps, acted = tuple(story.jumps), tuple(story.acted)
-        happened = Happened(moment, tuple(story.causes), changed, tuple(story.notes), story.terminated, jumps, acted)
+        self._check(t, last.asserts, log.notes)
+        jumps, acted = tuple(log.jumps), tuple(log.acted)
+        happened = Happened(moment, tuple(log.causes), changed, tuple(log.notes), log.terminated, jumps, acted)
         same = np.array_equal(before, entered) and np.array_equal(entered, moment.m)
-        self._settled = (t, moment) if same and not (changed or happened.causes or jumps or story.terminated) else None
+        self._settled = (t, moment) if same and not (changed or happened.causes or jumps or log.terminated) else None
         return happened
 
-    def _known(self, t: float, moment: Moment, m: Vector, before: Vector) -> Moment | None:
-        """What the last iteration ended with if it began like this one: a run starts where its first stretch does.
+    def _repeated(self, t: float, moment: Moment, m: Vector, before: Vector) -> Moment | None:
+        """The end of the last iteration if it began like this one, as at the start of a run and of its first stretch.
 
-        Delays are asked for again, because what they read grows.
+        Not with delays, because the past that they read grows.
         """
         if self._settled is None or self.jumped is not None:
             return None
-        then, known = self._settled
-        is_there = t == then and moment.x is known.x and moment.z is known.z and moment.regime is known.regime
-        return known if is_there and np.array_equal(m, known.m) and np.array_equal(before, known.m) else None
+        then, repeated = self._settled
+        is_there = t == then and moment.x is repeated.x and moment.z is repeated.z and moment.regime is repeated.regime
+        return repeated if is_there and np.array_equal(m, repeated.m) and np.array_equal(before, repeated.m) else None
 
     def _rounds(
-        self, t: float, moment: Moment, was: Vector, held: Vector | None, story: _Story
+        self, t: float, moment: Moment, was_true: Vector, held: Vector | None, log: _Log
     ) -> tuple[Moment, Round]:
-        """Rounds until one changes nothing; the moment then, and what that round gave.
+        """Rounds until one changes nothing; the moment then, and the result of that round.
 
-        `was`: The truth of the conditions before. `held`: 1 for those that do not become true while `initial()` acts.
+        `was_true`: Which conditions were true before.
+        `held`: 1 for conditions that do not become true while `initial()` acts, or None.
         """
-        decided, level, acting = np.zeros_like(was), 0.0, np.zeros(0, dtype=int)
+        decided, level, acting = np.zeros_like(was_true), 0.0, np.zeros(0, dtype=int)
         count = len(moment.m) - self.first
-        walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))
+        tally = _Tally(np.zeros(count, dtype=int), np.zeros(count))
         for _ in range(self.most_rounds):
-            was = was if held is None else np.maximum(was, held)
-            walk.is_timed = held is None
-            moment, found = self.decide(t, moment, story.notes, walk, (was, decided, level))
-            story.causes += walk.causes
-            walk.causes.clear()
-            advances, m = found.level == 0.0, found.m
-            if found.clash:
-                raise self._clash(t, moment, found)
-            acting = np.flatnonzero(found.acting) if advances else np.zeros(0, dtype=int)
-            story.acted += acting.tolist()
+            was_true = was_true if held is None else np.maximum(was_true, held)
+            tally.is_timed = held is None
+            moment, result = self.decide(t, moment, log.notes, tally, (was_true, decided, level))
+            log.causes += tally.causes
+            tally.causes.clear()
+            advances, m = result.level == 0.0, result.m
+            if result.clash:
+                raise self._clash(t, moment, result)
+            acting = np.flatnonzero(result.acting) if advances else np.zeros(0, dtype=int)
+            log.acted += acting.tolist()
             for k in acting:
                 clause = self.events.clauses[k]
-                story.causes.append(Cause(clause.text, clause.where, clause.component))
-                story.terminated = clause.terminate or story.terminated
-            if found.settled:
-                return moment, found
-            applied, x = found.applied > 0.5, found.x
-            moves = not np.array_equal(found.x[: self.dynamic], moment.x[: self.dynamic])
+                log.causes.append(Cause(clause.text, clause.where, clause.component))
+                log.terminated = clause.terminate or log.terminated
+            if result.settled:
+                return moment, result
+            applied, x = result.applied > 0.5, result.x
+            moves = not np.array_equal(result.x[: self.dynamic], moment.x[: self.dynamic])
             if held is not None and advances:
-                # conditions see what states begin with once, under the `pre` of the start; only then does that advance
+                # conditions are evaluated once with the states that were set, before `pre` advances from the start
                 held = np.ones_like(held) if moves else None
                 if moves:
                     m, advances = moment.m, False
             if applied.any() or not np.array_equal(m, moment.m):
-                story.jumps.append(Jump(moment, applied, advances))
+                log.jumps.append(Jump(moment, applied, advances))
             if moves:
                 if self.is_constrained:
-                    x = self._followed(t, moment, found.x, applied, story.notes)
-                walk = _Walk(np.zeros(count, dtype=int), np.zeros(count))  # other states: no relation leads back yet
-            moment = Moment(x, moment.z, m, self._released(t, moment, x))
-            was, decided, level = found.was, found.decided, float(found.level)
+                    x = self._on_constraints(t, moment, result.x, applied, log.notes)
+                tally = _Tally(
+                    np.zeros(count, dtype=int), np.zeros(count)
+                )  # with other states, no relation has led back yet
+            moment = Moment(x, moment.z, m, self._without_moved(t, moment, x))
+            was_true, decided, level = result.was, result.decided, float(result.level)
         texts = [self.events.clauses[k].text for k in acting]
         raise unsettled(self.problem.compiled, t, texts or [a.text for a in self.events.assignments])
 
-    def _released(self, t: float, moment: Moment, x: Vector) -> Regime:
-        """The regime without what rested until the states jumped: its velocity is another one."""
+    def _without_moved(self, t: float, moment: Moment, x: Vector) -> Regime:
+        """The regime after states have jumped, without the holds at rest whose velocity has changed."""
         regime = moment.regime
         if all(hold.target is None for hold in regime.holds):
             return regime
@@ -237,12 +246,12 @@ class Iteration:
                 left.append(hold)
         return regime if len(left) == len(regime.holds) else Regime(regime.free, tuple(left), regime.border)
 
-    def _followed(self, t: float, moment: Moment, x: Vector, applied: Truth, notes: list[str]) -> Vector:
-        """States after the actions that were applied, on the stabilised constraints; a note where others jump, too."""
-        actions = (place for clause in self.events.clauses for place, _ in clause.actions)
-        places = [place for place, acts in zip(actions, applied, strict=True) if acts]
+    def _on_constraints(self, t: float, moment: Moment, x: Vector, applied: Truth, notes: list[str]) -> Vector:
+        """States after the applied actions, on the stabilised constraints; adds a note if others jump, too."""
+        actions = (state for clause in self.events.clauses for state, _ in clause.actions)
+        reset_states = [state for state, acts in zip(actions, applied, strict=True) if acts]
         numbers = moment.z, self.problem.u, self.problem.p, moment.m
-        found = followed(self.problem.compiled, t, moment.x, x, places, numbers)
+        found = followed(self.problem.compiled, t, moment.x, x, reset_states, numbers)
         states = self.problem.compiled.states
         moved = tuple(states[k] for k in np.flatnonzero(found != x).tolist())
         if moved and ("reset", *moved) not in self._noted:
@@ -253,8 +262,8 @@ class Iteration:
             )
         return found
 
-    def _shared(self, t: float, moment: Moment, notes: list[str]) -> None:
-        """Refuse modes that contradict each other, and say which loads nothing determines."""
+    def _check_loads(self, t: float, moment: Moment, notes: list[str]) -> None:
+        """Refuse modes that contradict each other, and note loads that are statically indeterminate."""
         if self.shares is None or moment.regime.border is None:
             return
         at = t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m
@@ -267,9 +276,9 @@ class Iteration:
             notes.append(f"statically undetermined from t = {t:.9g} s on: {listed(names)}; {least}")
 
     def check_shares(self, times: Vector, x: Vector, z: Vector, moment: Moment) -> None:
-        """Refuse rows at which equations that were taken to depend on each other contradict each other.
+        """Refuse rows at which equations that were assumed to be dependent contradict each other.
 
-        A mechanism that has stood in a singular position and has left it: what held it there no longer does.
+        That happens when a mechanism leaves a singular position, at which some of its equations were redundant.
         """
         if self.shares is None or moment.regime.border is None:
             return
@@ -279,27 +288,27 @@ class Iteration:
                 raise overloaded(self.problem.compiled.name, t, self.shares.open(*at))
 
     def _clash(self, t: float, moment: Moment, found: Round) -> Exception:
-        """The error for clauses that act at one instant and disagree; found by what each would set."""
+        """The error for clauses that act at one instant and set different values."""
         compiled = self.problem.compiled
         values = functions_of(compiled).reactions(t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m)[3]
         setters: dict[int, tuple[Clause, float]] = {}
         acting = (found.applied > 0.5).tolist()
-        actions = [(clause, place) for clause in self.events.clauses for place, _ in clause.actions]
-        for (clause, place), acts, value in zip(actions, acting, values.tolist(), strict=True):
+        actions = [(clause, state) for clause in self.events.clauses for state, _ in clause.actions]
+        for (clause, state), acts, value in zip(actions, acting, values.tolist(), strict=True):
             if acts:
-                first, other = setters.setdefault(place, (clause, value))
+                first, other = setters.setdefault(state, (clause, value))
                 if other != value:
-                    return contradicting(compiled.name, t, compiled.states[place], (first, clause))
+                    return contradicting(compiled.name, t, compiled.states[state], (first, clause))
         striking = [actions[a][0] for a, _ in impulses(compiled) if acting[a]]
         return vain(compiled.name, t, striking or [c for c, _ in setters.values()])
 
-    def _over(self, t: float, moment: Moment, last: Round, flag: str | None) -> tuple[Moment, Round]:
-        """The moment after the instant, when samples and flags are false again, also to what remembers them.
+    def _end_instant(self, t: float, moment: Moment, last: Round, flag: str | None) -> tuple[Moment, Round]:
+        """The moment after the instant, when samples and flags are false again, also in `pre`; and the last round.
 
-        Nothing follows what is terminal: that remains true.
+        `terminal()` remains true, because nothing follows.
 
-        A discrete equation may read them, as that of a trigger, `y == sample(0, 1)`, does: it is evaluated again, in
-        rounds of its own, since what it assigns has changed and a `when` may act because of that.
+        A discrete equation may read samples, such as that of a trigger, `y == sample(0, 1)`. The caller evaluates it
+        again in further rounds, because its value has changed, and a `when` may act because of that.
         """
         m = moment.m.copy()
         m[self.samples] = 0.0
@@ -308,59 +317,60 @@ class Iteration:
         moment, is_over = Moment(moment.x, moment.z, m, moment.regime), np.array_equal(m, moment.m)
         if is_over or not (len(self.events.memories) or len(self.assigned)):
             return moment, last
-        none = np.zeros(self.conditions)
-        found = self._round(t, moment, none, none, 0.0)
-        m[self.memories] = found.remembered
-        return moment, found
+        all_false = np.zeros(self.conditions)
+        result = self._round(t, moment, all_false, all_false, 0.0)
+        m[self.memories] = result.remembered
+        return moment, result
 
     def decide(
-        self, t: float, moment: Moment, notes: list[str], walk: _Walk, progress: tuple[Vector, Vector, float]
+        self, t: float, moment: Moment, notes: list[str], tally: _Tally, progress: tuple[Vector, Vector, float]
     ) -> tuple[Moment, Round]:
-        """Flip relations and apply discrete equations until all hold at this point, or leave their guard rightly.
+        """Flip relations and apply discrete equations until all hold at this point, or leave their guards correctly.
 
-        `progress` is how far the round has come: was, decided, level. The result is the moment and what the round makes
-        of it. A relation at its guard that is about to leave it to the wrong side is flipped only when what is
-        remembered is up to date: a thermostat that has just switched off must have noticed it before the falling
-        temperature makes `T < limit` true again.
+        Returns the moment and the result of the round. A relation at its guard that is about to leave it to the wrong
+        side is flipped only if `pre` is up to date: a thermostat that has just switched off must have registered that
+        before the falling temperature makes `T < limit` true again.
+
+        `progress`: The state of the round: conditions that were true, those decided, and the level reached.
         """
-        flips = walk.flips
+        flips = tally.flips
         for _ in range(_MOST_SINGLE):
             moment = self.consistent(t, moment)
-            other = None if self.jumped is None else self.jumped(t, moment)
-            if other is not None:
-                moment = replace(moment, m=other[0])
-                walk.causes += other[1]
+            jumped = None if self.jumped is None else self.jumped(t, moment)
+            if jumped is not None:
+                moment = replace(moment, m=jumped[0])
+                tally.causes += jumped[1]
                 continue
-            found = self._round(t, moment, *progress)
-            if not (found.assigned == moment.x[self.assigned]).all():
-                # relations are judged by what follows from them: a step behind, they would run in circles
+            result = self._round(t, moment, *progress)
+            if not (result.assigned == moment.x[self.assigned]).all():
+                # relations must be evaluated with the discrete values that follow from them, or they would cycle
                 x = moment.x.copy()
-                x[self.assigned] = found.assigned
+                x[self.assigned] = result.assigned
                 moment = Moment(x, moment.z, moment.m, moment.regime)
                 continue
             wrong = np.zeros(0, dtype=bool)
             if len(moment.regime.active_set.owners):
-                wrong = self._wrong(t, moment, walk, np.array_equal(found.remembered, moment.m[self.memories]))
+                wrong = self._wrong(t, moment, tally, np.array_equal(result.remembered, moment.m[self.memories]))
             if not wrong.any():
-                return moment, found
-            if walk.turn >= _AT_ONCE:
+                return moment, result
+            if tally.turns >= _MOST_TOGETHER:
                 wrong[int(np.argmax(wrong)) + 1 :] = False
             owners = moment.regime.active_set.owners
             moment = self.flipped(moment, wrong)
-            ours = [owners[k][0] for k in np.flatnonzero(wrong)]
-            flips[ours] += 1
-            back = [k for k in ours if flips[k] >= _CHATTER and k not in self.events.watched]
-            if walk.turn < _AT_ONCE and back:
-                held = self._slide(t, moment, back, notes)
+            relations = [owners[k][0] for k in np.flatnonzero(wrong)]
+            flips[relations] += 1
+            chattering = [k for k in relations if flips[k] >= _CHATTER and k not in self.events.watched]
+            if tally.turns < _MOST_TOGETHER and chattering:
+                held = self._slide(t, moment, chattering, notes)
                 if held is not None:
                     moment = held
                     flips[:] = 0
-            walk.turn += 1
+            tally.turns += 1
         names = [self.guards.texts[k] for k in np.argsort(-flips)[:4] if flips[k] > 1]
         raise unsettled(self.problem.compiled, t, names or [a.text for a in self.events.assignments])
 
     def flipped(self, moment: Moment, which: Truth) -> Moment:
-        """The other mode for each guard that is reached: a relation flips, a held one is let go."""
+        """The other mode for each guard in `which`: a free relation flips, a held one is released."""
         m, regime = moment.m.copy(), moment.regime
         let_go: set[int] = set()
         for k in np.flatnonzero(which):
@@ -378,7 +388,7 @@ class Iteration:
         return Moment(moment.x, moment.z, m, regime)
 
     def consistent(self, t: float, moment: Moment) -> Moment:
-        """Algebraic variables for these modes; far out where the equations contradict each other in them."""
+        """Solve for the algebraic variables; if the equations contradict each other, far out, with creep."""
         if not len(moment.z):
             return moment
         problem, start = moment.regime.free, Start(moment.x, moment.z, ())
@@ -397,7 +407,7 @@ class Iteration:
         return replace(moment, z=z)
 
     def regime(self, of: Regime, border: Border | None) -> Regime:
-        """The same holds with these equations."""
+        """The regime with the same holds and another border."""
         if of.border is border:
             return of
         key = of.holds, border
@@ -405,59 +415,67 @@ class Iteration:
             self._regimes[key] = Regime(of.free, of.holds, border)
         return self._regimes[key]
 
-    def _wrong(self, t: float, moment: Moment, walk: _Walk, leaving: bool) -> Truth:
-        """Guards of the regime that do not hold, or, if `leaving` is asked for, are at zero and about not to.
+    def _wrong(self, t: float, moment: Moment, tally: _Tally, leaving: bool) -> Truth:
+        """Guards of the regime that do not hold, or, with `leaving`, that are at zero and about to become negative.
 
-        `walk.doubt` gathers how far each relation can be wrong in all modes seen so far: one that has flipped and come
-        back is judged by the largest of these. Judged finely in one mode and coarsely in the next, four diodes at the
-        zero crossing of their source would go round for ever.
+        `tally.noise` is the largest noise of each relation in all modes so far, by which a relation is judged
+        that has flipped and come back. With the noise of each mode, which may be small in one and large in the next,
+        four diodes at the zero crossing of their source would cycle for ever.
         """
         g = self.guards.distances(t, moment)
         if (g > 1.0).all():  # far from everything: no rates needed
             return np.zeros(len(g), dtype=bool)
         rate, noise = self.guards.rates(t, moment, distances=g)
-        own, sides = moment.regime.active_set.owner, moment.regime.active_set.side
+        relations, sides = moment.regime.active_set.owner, moment.regime.active_set.side
         free = sides < 0
-        walk.doubt[own[free]] = np.maximum(walk.doubt[own[free]], noise[free])
-        noise = np.where(free & (walk.flips[own] > 1), walk.doubt[own], noise)
+        tally.noise[relations[free]] = np.maximum(tally.noise[relations[free]], noise[free])
+        noise = np.where(free & (tally.flips[relations] > 1), tally.noise[relations], noise)
         wrong = g < -2 * noise
-        # not the whole noise: a thin plate has its other side within it; but as near as instants are found
-        at = g <= np.maximum(LOCATED * noise, np.abs(rate) * as_one(self.guards.span, t))
-        leaves = at & (rate < -noise)
-        # an instant that was found early: one mode still holds for nanoseconds, the other one does not yet
-        back = walk.flips[own] >= _CHATTER
-        early = leaves & (g > 0.0) & back
-        # or one holds no more, and the other one does some instants from now
-        wrong &= ~(back & (rate > 0.0) & self.guards.behind(t, g, rate, noise))
-        wrong |= free & (g == 0.0) & (rate == 0.0) & (walk.flips[own] < _TWICE) & self._untied(moment, own)
-        # or it begins or ends to rest here, and rounding alone says on which side of that it is
-        wrong &= ~((g == -AT_REST) & self.guards.rests[own] & (walk.flips[own] > _TWICE))
-        # of time alone nothing that is remembered can be behind
-        found = np.asarray(wrong | leaves & ~early & (leaving | (walk.is_timed & free & self.guards.timed[own])))
-        if early.any() and not found.any():
-            self._stay(t, [moment.regime.active_set.owners[k][0] for k in np.flatnonzero(early)])
-        return found
+        # a fraction of the noise, because a thin plate has its other side within it; or the accuracy of instants
+        is_at_guard = g <= np.maximum(LOCATED * noise, np.abs(rate) * same_instant(self.guards.span, t))
+        leaves = is_at_guard & (rate < -noise)
+        # the instant may have been located too early: the present mode holds for nanoseconds, the other not yet
+        chatters = tally.flips[relations] >= _CHATTER
+        is_early = leaves & (g > 0.0) & chatters
+        # or too late: the present mode does not hold any more, and the other will in a moment
+        wrong &= ~(chatters & (rate > 0.0) & self.guards.are_at_zero(t, g, rate, noise))
+        wrong |= (
+            free
+            & (g == 0.0)
+            & (rate == 0.0)
+            & (tally.flips[relations] < _MOST_TIED)
+            & self._differ_from_ties(moment, relations)
+        )
+        # or it begins or ceases to rest, and only rounding errors decide on which side of that it is
+        wrong &= ~((g == -AT_REST) & self.guards.rests[relations] & (tally.flips[relations] > _MOST_TIED))
+        # for relations of time alone, `pre` is always up to date
+        result = np.asarray(
+            wrong | leaves & ~is_early & (leaving | (tally.is_timed & free & self.guards.timed[relations]))
+        )
+        if is_early.any() and not result.any():
+            self._count_kept(t, [moment.regime.active_set.owners[k][0] for k in np.flatnonzero(is_early)])
+        return result
 
-    def _untied(self, moment: Moment, relations: NDArray[np.int64]) -> Truth:
-        """Whether the modes of these relations are not what their words say of sides that are equal.
+    def _differ_from_ties(self, moment: Moment, relations: NDArray[np.int64]) -> Truth:
+        """Whether the modes of relations differ from their literal values at equal sides.
 
-        One that stays on its guard does not tell by its rate which side it is on: a velocity that was reset to zero, a
-        number of steps that has come to its limit.
+        The rate does not tell on which side a relation is that stays on its guard, such as one of a velocity that was
+        reset to zero, or of a number of steps that has reached its limit.
         """
         ties = self.guards.ties[relations]
         return np.asarray((ties >= 0) & (moment.m[self.first + relations] != ties))
 
-    def _stay(self, t: float, relations: list[int]) -> None:
-        """Count modes that were kept for a moment more; what chatters would be kept so at each of its switchings."""
+    def _count_kept(self, t: float, relations: list[int]) -> None:
+        """Count modes that are kept for a moment; refuse chattering, which would be kept at each switching."""
         for relation in relations:
             last, count = self._kept.get(relation, (-np.inf, 0))
-            count = count + 1 if t - last <= _SOON * self.guards.span else 1
+            count = count + 1 if t - last <= _KEPT_WITHIN * self.guards.span else 1
             self._kept[relation] = t, count
             if count > _MOST_KEPT:
                 raise unsettled(self.problem.compiled, t, [self.guards.texts[relation]])
 
     def _slide(self, t: float, moment: Moment, relations: list[int], notes: list[str]) -> Moment | None:
-        """Hold relations between their two modes; None when that is no solution."""
+        """Hold relations between their two modes in a sliding mode; None if that is no solution."""
         regime = moment.regime
         border = regime.border
         for relation in relations:
@@ -491,7 +509,7 @@ class Iteration:
                 continue
             if asserted.level == "error":
                 raise violated(self.problem.compiled.name, t, asserted)
-            if k not in self._broken:  # once, not at every event until it holds again
+            if k not in self._broken:  # noted once, until it holds again
                 place = f"{asserted.component}: " if asserted.component else ""
                 notes.append(f"t = {t:.9g} s: {place}{asserted.message}")
             self._broken.add(k)

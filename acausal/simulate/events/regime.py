@@ -1,13 +1,14 @@
-"""What is integrated between two events: the equations of fixed modes, and relations that are held at their guard.
+"""What is integrated between two events: the equations with fixed modes, and relations that are held at their guards.
 
-A held relation is one of two things. In a *sliding mode* both sides of a relation lead back to it, a relay at its
-switching point: its mode is then a number between 0 and 1, the one that keeps the distance to the guard constant
-(A. F. Filippov, Differential Equations with Discontinuous Righthand Sides, 1988; V. I. Utkin, Sliding Modes in Control
-and Optimization, 1992). At *rest* a `when` that resets a velocity has acted ever sooner, a ball on the floor: the rate
-of that velocity is then the one that keeps distance and approach at zero, until it would have to pull.
+There are two kinds of held relations. In a *sliding mode* both sides of a relation lead back to it, as with a relay at
+its switching point: its mode is then the number between 0 and 1 that keeps the distance to the guard constant (A. F.
+Filippov, Differential Equations with Discontinuous Righthand Sides, 1988; V. I. Utkin, Sliding Modes in Control and
+Optimization, 1992). At *rest*, after a `when` that resets a velocity has acted in ever quicker succession, as with a
+ball on the floor, the rate of that velocity is the one that keeps distance and approach at zero, until it would have to
+pull.
 
-The set of held relations is the active set. Its functions are made once for all runs of a model: a ball that comes to
-rest does so in each of them.
+The held relations form the active set. Its functions are created once for all runs of a model, because a ball that
+comes to rest does so in each of them.
 """
 
 from __future__ import annotations
@@ -35,12 +36,12 @@ from acausal.simulate.native.policy import Library
 
 @dataclass(frozen=True, eq=False)
 class Regime:
-    """What is integrated by one run for one set of held relations; `free` is the problem of the free model.
+    """The equations of one run for one set of held relations; `free` is the problem in which none is held.
 
-    With a `border` the equations of the mode leave loads open (`simulate/equations/shares.py`).
+    With a `border`, the equations leave loads indeterminate (`simulate/equations/shares.py`).
 
-    The guards are positive while the regime lasts: the directed distance of each relation that is free, then for each
-    held one what must not become negative: mode and one minus mode, or the force that keeps it at rest.
+    The guards are positive while the regime lasts: the directed distance of each free relation, and for each held one
+    the quantities that must not become negative: the mode and one minus the mode, or the force that keeps it at rest.
     """
 
     free: Problem
@@ -50,7 +51,7 @@ class Regime:
 
     @cached_property
     def active_set(self) -> ActiveSet:
-        """The functions, which all runs share."""
+        """The functions of the regime, shared by all runs of the model."""
         return active_set(self.free.compiled, self.holds, self.border)
 
     @cached_property
@@ -61,7 +62,7 @@ class Regime:
         return Problem(self.active_set.compiled, self.free.p, self.free.u, self.free.wanted_native)
 
     def constants(self, library: Library[Any]) -> Vector:
-        """What parameters and inputs alone determine, for compiled code; computed once."""
+        """Values that depend on parameters and inputs alone, for compiled code; computed once."""
         if self._constants is None:
             (found,) = library.constants(self.free.p, self.free.u)
             object.__setattr__(self, "_constants", found)
@@ -74,31 +75,31 @@ class Regime:
         return self.active_set.compiled
 
     def relaxed(self, *given: Any, near: NDArray[np.intp]) -> Vector:
-        """See `ActiveSet.relaxed`: of some guards."""
+        """`ActiveSet.relaxed` of the guards `near`, shape (len(near),)."""
         if len(near) == 1:
             return self.active_set.buffered_relaxed(*given, near)[0]
-        rows = -(-len(near) // TOGETHER)
-        blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are asked for anyway
+        rows = -(-len(near) // _BLOCK)
+        blocks = np.resize(near, (rows, _BLOCK))  # filled up with guards that are evaluated anyway
         return np.concatenate([self.active_set.buffered_relaxed_together(*given, block)[0] for block in blocks])[
             : len(near)
         ]
 
     def modes(self, t: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
-        """Modes along n instants, shape (nm, n) or, when none slides, (nm,)."""
+        """Modes at n instants, shape (nm, n) or, if no relation slides, (nm,)."""
         sliding = [(k, h.relation) for k, h in enumerate(self.holds) if h.target is None]
         if not sliding or not len(t):
             return m
         n = len(t)
-        wide = [np.tile(v[:, None], (1, n)) for v in (self.free.u, self.free.p, m)]
-        found = np.array(self.active_set.multipliers.map(n)(t[None, :], x, z, *wide))
-        rows: Vector = wide[2]
+        repeated = [np.tile(v[:, None], (1, n)) for v in (self.free.u, self.free.p, m)]
+        multipliers = np.array(self.active_set.multipliers.map(n)(t[None, :], x, z, *repeated))
+        modes: Vector = repeated[2]
         for k, relation in sliding:
             for other in (relation, *self.free.compiled.events.twins[relation]):
-                rows[self.active_set.first + other] = found[k]
-        return rows
+                modes[self.active_set.first + other] = multipliers[k]
+        return modes
 
     def is_solvable(self, t: float, x: Vector, z: Vector, m: Vector) -> bool:
-        """Whether each multiplier has an effect at this point, in proportion to its size."""
+        """Whether the multipliers are determined at this point, and their effects are proportional to them."""
         count = len(self.holds)
         slope, other = (v.reshape(count, count) for v in self.active_set.effect(t, x, z, self.free.u, self.free.p, m))
         size = np.abs(slope).max(axis=1)
@@ -108,13 +109,13 @@ class Regime:
         return bool(affine and np.linalg.cond(slope / size[:, None]) < 1e12)
 
 
-# Sets of held relations whose equations are kept for one model.
-_MOST = 64
-TOGETHER = 16
-"""Guards that share a factorisation: hundreds of bodies touch the ground in one instant."""
-# Entries of a Jacobian of guards of which one row is chosen.
+# The most sets of held relations whose equations are cached for one model.
+_MOST_SETS = 64
+# The number of guards that share a factorisation, because hundreds of bodies may touch the ground at one instant.
+_BLOCK = 16
+# The most entries of a Jacobian of guards from which single rows are selected.
 _MOST_SLOPES = 10_000
-# From an end of the interval of a multiplier to a number inside of it.
+# The distance by which a multiplier at an end of its interval is moved inside.
 _INSIDE = 2.0**-53
 
 
@@ -130,7 +131,7 @@ class ActiveSet:
     """Functions of `(t, x, z, u, p, m)` for one set of held relations of a model, perhaps none."""
 
     def __init__(self, free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> None:
-        self._free = ref(free)  # what is kept for a model must not keep it alive
+        self._free = ref(free)  # weak, because the cache must not keep the model alive
         self.holds, self.border = holds, border
         self.first = free.n_modes - len(free.state_events.relations)
         """Position of the first relation among the modes."""
@@ -139,7 +140,7 @@ class ActiveSet:
     def free(self) -> CompiledModel:
         """The model with no relation held."""
         model = self._free()
-        assert model is not None, "only who holds the model asks"
+        assert model is not None, "the caller holds the model"
         return model
 
     @property
@@ -149,13 +150,13 @@ class ActiveSet:
 
     @cached_property
     def taken(self) -> frozenset[int]:
-        """Relations that are held, and twins of those that slide, whose modes are the same multiplier."""
+        """Relations that are held, and the twins of those that slide, which have the same multiplier."""
         twins = self.free.events.twins if self.holds else ()
         return frozenset(r for h in self.holds for r in (h.relation, *(twins[h.relation] if h.target is None else ())))
 
     @cached_property
     def owners(self) -> tuple[tuple[int, int], ...]:
-        """Of each guard the relation, and -1 for its distance, 0 and 1 for the lower and the upper end of a hold."""
+        """The relation of each guard, and -1 for its distance, 0 or 1 for the lower or upper end of a hold."""
         held = self.taken
         count = len(self.free.state_events.relations)
         ends = [(h.relation, side) for h in self.holds for side in ((0, 1) if h.target is None else (0,))]
@@ -175,7 +176,7 @@ class ActiveSet:
     def watch(self) -> Any:
         """`(t, x, z, u, p, m) -> g`: the guards."""
         if not self.holds:
-            return self.free.events.watch  # made once for all runs
+            return self.free.events.watch  # created once for all runs
         e = self._equations
         s = e.s
         distances = self.free.events.signed_at_rest(ca.vertsplit(self.free.events.distances(*s.inputs)))
@@ -194,16 +195,16 @@ class ActiveSet:
 
     @cached_property
     def rates(self) -> BufferedFunction:
-        """Time derivatives of the guards and how far these can be wrong, as `guard_rates` says."""
+        """Time derivatives of the guards, and their noise (`guard_rates`)."""
         if not self.holds and self.border is None:
             return functions_of(self.free).rates
         return BufferedFunction(guard_rates(self.compiled, self.watch))
 
     @cached_property
     def judged(self) -> BufferedFunction:
-        """Distances of all guards, then their rates, then their noise, of equations without algebraic variables.
+        """Distances of all guards, then their rates and their noise, for equations without algebraic variables.
 
-        Arguments are those of `rates`; one call where `guards` and `rates` are two.
+        The arguments are those of `rates`. It saves one of the two calls of `guards` and `rates`.
         """
         rates = self.rates.function
         inputs = [ca.MX.sym(rates.name_in(k), rates.numel_in(k)) for k in range(rates.n_in())]
@@ -212,41 +213,41 @@ class ActiveSet:
 
     @cached_property
     def relaxed(self) -> Any:
-        """`(t, x, z, u, p, m, e, h, k) -> |dg/dx (I - h J)^-1| e` of guard k, its error when those of states relaxed.
+        """`(t, x, z, u, p, m, e, h, k) -> |dg/dx (I - h J)^-1| e`: the error of guard k after errors of states relax.
 
-        J are the slopes of the rates with algebraic variables that follow the states; e are errors of the states, and
-        h is the step over which they relax, as an implicit step lets them. One guard at a time: of hundreds, few are
-        near zero.
+        J is the Jacobian of the rates, with algebraic variables that follow the states; e are the errors of the states,
+        and h is the step over which they relax, as in an implicit step. For one guard at a time, because few of
+        hundreds are near zero.
         """
         return self._relaxed(1)
 
     def _relaxed(self, count: int) -> Any:
-        """`relaxed` of so many guards k, whose errors share one factorisation."""
+        """`relaxed` of `count` guards k, whose errors share one factorisation."""
         s = Symbols(self.compiled)
         ode, alg = self.compiled.rhs(*s.inputs)
-        n, nx, which = self.compiled.n_dynamic, s.x.numel(), ca.SX.sym("which")
-        own = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), which)
-        # discrete variables act on rates and have none, integrals have rates and act on nothing: neither is solved for
+        n, nx, chosen = self.compiled.n_dynamic, s.x.numel(), ca.SX.sym("which")
+        gradient = _slopes(self.watch(*s.inputs), ca.vertcat(s.x, s.z), chosen)
+        # discrete variables act on rates and have none; quadratures have rates and act on none: neither is solved for
         first = nx - self.compiled.discretes
         x, held, rates = s.x[:n], s.x[first:], ca.vertcat(ode[:n], alg)
-        # transposed, as symbols are for nothing: values would be copied at each call
-        parts = [ca.jacobian(f, v).T for v in (x, s.z) for f in (ode[:n], alg)]
+        # transposed symbolically, which costs nothing, because values would be copied at each call
+        jacobians = [ca.jacobian(f, v).T for v in (x, s.z) for f in (ode[:n], alg)]
         inputs = [ca.MX.sym(name, v.numel()) for name, v in zip("txzupm", s.inputs, strict=True)]
         e, h, k = ca.MX.sym("e", nx), ca.MX.sym("h"), ca.MX.sym("k", count)
-        fx, ax, fz, az = ca.Function("slopes", s.inputs, parts).call(inputs)
-        slope = ca.Function("slope", [*s.inputs, which], [own])
+        fx, ax, fz, az = ca.Function("slopes", s.inputs, jacobians).call(inputs)
+        slope = ca.Function("slope", [*s.inputs, chosen], [gradient])
         g = ca.horzcat(*(slope(*inputs, k[i]) for i in range(count)))
         matrix = ca.blockcat([[ca.MX.eye(n) - h * fx, ax], [-h * fz, az]])
-        # a pivot may be zero that no Jacobian has
+        # by QR, because a pivot of the matrix may be zero although no Jacobian is singular
         solved: Any = ca.solve(matrix, ca.vertcat(g[:n, :], g[nx:, :]), "qr")
         errors = ca.fabs(solved[:n, :]).T @ e[:n]
         if first < nx:
-            # a product, as the matrix has 40 000 entries where a hundred clutches act on one shaft
+            # by a product, because the matrix has 40 000 entries if a hundred clutches act on one shaft
             seeds = ca.SX.sym("seeds", rates.numel(), count)
-            moved = ca.densify(ca.jtimes(rates, held, seeds, True))
-            product = ca.Function("held", [*s.inputs, seeds], [moved])
-            follows = product(*inputs, ca.vertcat(-h * solved[:n, :], solved[n:, :]))
-            errors += ca.fabs(g[first:nx, :] - follows).T @ e[first:]
+            slopes = ca.densify(ca.jtimes(rates, held, seeds, True))
+            product = ca.Function("held", [*s.inputs, seeds], [slopes])
+            indirect = product(*inputs, ca.vertcat(-h * solved[:n, :], solved[n:, :]))
+            errors += ca.fabs(g[first:nx, :] - indirect).T @ e[first:]
         return ca.Function("relaxed", [*inputs, e, h, k], [errors])
 
     @cached_property
@@ -256,58 +257,58 @@ class ActiveSet:
 
     @cached_property
     def buffered_relaxed_together(self) -> BufferedFunction:
-        """`relaxed` of `TOGETHER` guards at once, for single points."""
-        return BufferedFunction(self._relaxed(TOGETHER))
+        """`relaxed` of a block of guards at once, for single points."""
+        return BufferedFunction(self._relaxed(_BLOCK))
 
     @cached_property
     def multipliers(self) -> Any:
-        """`(t, x, z, u, p, m) -> mu`: modes of the sliding relations, added rates of the resting states."""
+        """`(t, x, z, u, p, m) -> mu`: modes of the sliding relations, and additional rates of the states at rest."""
         e = self._equations
         return ca.Function("multipliers", e.s.inputs, [e.solved], ["t", "x", "z", "u", "p", "m"], ["mu"])
 
     @cached_property
     def is_possible(self) -> bool:
-        """Whether the guards are known from the states, so that their rates need no rates of algebraic variables."""
+        """Whether the guards depend on states alone, so that their rates need no rates of algebraic variables."""
         return not any(ca.depends_on(v, self._equations.s.z) for v in self._equations.kept)
 
     @cached_property
     def effect(self) -> BufferedFunction:
-        """`-> (slope, slope elsewhere)`: what the multipliers do to what is held, at two values of theirs."""
+        """`-> (slope, slope elsewhere)`: derivatives of the held rates by the multipliers, at two values of these."""
         e = self._equations
         return BufferedFunction(ca.Function("slope", e.s.inputs, [ca.densify(e.slope), ca.densify(e.other_slope)]))
 
     @cached_property
     def kept_of(self) -> Any:
-        """`(t, x, z, u, p, m) -> k`: what the holds keep at zero."""
+        """`(t, x, z, u, p, m) -> k`: the quantities that the holds keep at zero."""
         e = self._equations
         return ca.Function("kept_of", e.s.inputs, [ca.densify(ca.vertcat(*e.kept))])
 
     @cached_property
     def kept(self) -> BufferedFunction:
-        """`-> (k, dk/dx, d)`: what the holds keep at zero, and the directions in which states may move for it.
+        """`-> (k, dk/dx, d)`: the quantities that the holds keep at zero, and directions of states for projection.
 
-        At rest those are the held state itself and what it drives, so that nobody else moves: the ball, not the floor.
+        At rest these are the held state itself and the states that it drives, so that the ball moves and not the floor.
         """
         e = self._equations
         k = ca.vertcat(*e.kept)
         slope = ca.jacobian(k, e.s.x)
         scale = ca.DM(self.free.nominal_x)
-        ways, row = [], 0
+        directions, row = [], 0
         for hold in self.holds:
             if hold.target is None:
-                ways.append(scale**2 * slope[row, :].T)
+                directions.append(scale**2 * slope[row, :].T)
             else:
-                own = ca.SX(len(self.free.states), 1)
-                own[hold.target] = 1
-                ways += [ca.jacobian(e.ode, e.s.x[hold.target]), own]
+                unit = ca.SX(len(self.free.states), 1)
+                unit[hold.target] = 1
+                directions += [ca.jacobian(e.ode, e.s.x[hold.target]), unit]
             row += 1 if hold.target is None else 2
-        outputs = [ca.densify(v) for v in (k, slope, ca.horzcat(*ways))]
+        outputs = [ca.densify(v) for v in (k, slope, ca.horzcat(*directions))]
         return BufferedFunction(ca.Function("kept", e.s.inputs, outputs))
 
     @cached_property
     def _variant(self) -> CompiledModel:
         if not self.holds and self.border is not None:
-            return self.border.compiled  # the same for all runs
+            return self.border.compiled  # shared by all runs
         e = self._equations
         names = ["t", "x", "z", "u", "p", "m"]
         rhs = ca.Function("rhs", e.s.inputs, [e.ode, e.alg], names, ["ode", "alg"])
@@ -340,15 +341,15 @@ class ActiveSet:
         for hold in self.holds:
             v = distance[hold.relation]
             kept.append(v)
-            if hold.target is not None:  # the approach to the guard, which is to stay zero
+            if hold.target is not None:  # the rate of approach to the guard is kept at zero, too
                 v = ca.jtimes(v, tx, ca.vertcat(1, free))
                 kept.append(v)
             residuals.append(ca.jtimes(v, tx, rate))
         r = ca.vertcat(*residuals)
-        # inside the interval a blend is affine, which its formula, safe against infinite branches, does not show
+        # a blend is affine inside the interval, although its formula, which avoids infinite branches, does not show it
         slope, here = (ca.substitute(e, mu, ca.DM([0.5] * len(self.holds))) for e in (ca.jacobian(r, mu), r))
         solved = 0.5 - (ca.solve(slope, here) if len(self.holds) > 1 else here / slope)
-        # where sliding ends a multiplier is 0 or 1, at which a blend has the slopes of one branch only
+        # where sliding ends, a multiplier is 0 or 1, and the blend would have the slopes of one branch only
         within = solved + _INSIDE * ((solved == 0) - (solved == 1))
         ode, alg = (ca.densify(ca.substitute(e, mu, within)) for e in (ode, alg))
         other = ca.substitute(ca.jacobian(r, mu), mu, ca.DM([0.25] * len(self.holds)))
@@ -357,7 +358,7 @@ class ActiveSet:
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Symbols, rates and residuals of a regime; its multipliers, their effect (at two values), and what they keep."""
+    """Symbols, rates and residuals of a regime; its multipliers, their effects at two values, and what they hold."""
 
     s: Symbols
     ode: Any
@@ -370,10 +371,11 @@ class _Equations:
 
 
 def _slopes(g: Any, v: Any, which: Any) -> Any:
-    """The gradient of one of the guards g by v.
+    """The gradient by v of one of the guards g, that with the number `which`.
 
-    Chosen among all gradients, as those of other guards may be infinite. In large models by a product with a vector of
-    zeros and a one instead, whose cost grows with the equations: the gradient is nan there if another one is infinite.
+    It is selected from all gradients, because those of other guards may be infinite. In large models it is a product
+    with a unit vector instead, whose cost is proportional to that of the equations; then it is nan if another gradient
+    is infinite.
     """
     if g.numel() * v.numel() > _MOST_SLOPES:
         return ca.densify(ca.jtimes(g, v, which == ca.DM(range(g.numel())), True))
@@ -382,12 +384,12 @@ def _slopes(g: Any, v: Any, which: Any) -> Any:
     return ca.densify(ca.sum1(ca.SX(slopes.sparsity(), chosen)).T)
 
 
-_MADE: WeakKeyDictionary[CompiledModel, Recent[ActiveSet]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[CompiledModel, Recent[ActiveSet]] = WeakKeyDictionary()
 
 
 def active_set(free: CompiledModel, holds: tuple[Hold, ...], border: Border | None) -> ActiveSet:
-    """The equations of a model for these holds, from those that were asked for before."""
+    """The active set of a model for these holds, cached."""
     free = free.common
-    made = _MADE.setdefault(free, Recent(_MOST))
+    made = _CACHE.setdefault(free, Recent(_MOST_SETS))
     key = holds, border
     return made.get(key) or made.put(key, ActiveSet(free, holds, border))

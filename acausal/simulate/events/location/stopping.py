@@ -28,7 +28,7 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.calls.raw import Kept
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.scaled import ScaledEquations, with_values
-from acausal.simulate.events.guards import LOCATED, Guards, Moment, located, resting_band
+from acausal.simulate.events.guards import LOCATED, Guards, Moment, location_error, resting_band
 from acausal.simulate.events.location.bracketing import Node, first_crossing, is_clear
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
@@ -254,7 +254,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
     Raises RuntimeError if the solver cannot continue.
     """
     problem, ends = moment.regime.problem, segment.times.tolist()
-    instants = located(guards.span, segment.times).tolist()
+    instants = location_error(guards.span, segment.times).tolist()
     solution = _Nodes(guards, moment, segment, plugin)
     here, nodes = solution.first, [solution.first]
     event: Node | None = None
@@ -321,7 +321,7 @@ def _bands(guards: Guards, t: float, g: Vector, rate: Vector, noise: Vector) -> 
     not when it comes back: the event would be late by that, and with every hop by more.
     """
     resting = resting_band(g, rate, noise)
-    below = (resting == 0.0) & guards.behind(t, g, rate, noise)
+    below = (resting == 0.0) & guards.are_at_zero(t, g, rate, noise)
     return np.where(below, np.maximum(-_ALLOWANCE * g, resting), resting), resting
 
 

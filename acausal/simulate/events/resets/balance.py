@@ -1,15 +1,15 @@
-"""What follows a `reset` of velocities that constraints bind, by the balance of impulses.
+"""The balance of impulses after a `reset` of velocities that constraints bind.
 
-The impact acts in the one equation in which the derivative of the velocity stands, its equation of motion. With an
-unknown force phi added there, the equations of the instant are solved for all derivatives and constraint forces; the
+The impact acts in the only equation that contains the derivative of the velocity, its equation of motion. With an
+unknown force phi added there, the equations of the instant are solved for all derivatives and constraint forces. The
 slope of the rates by phi is the direction in which velocities jump, M dv = J^T p + e phi, J dv = 0 (the same as in
 `acausal.lower.events.impulses`, where the model names the force).
 
-Whether that equation is a balance of forces is not said by the model, but by its numbers: in a mechanical system the
+The model does not state whether that equation is a balance of forces, but its numbers show it: in a mechanical system,
 velocity j responds to an impulse on k as k does to one on j (J. C. Maxwell's reciprocity; the inverse of a mass matrix
 under constraints is symmetric), up to the factors by which the equations were multiplied. A single constraint shows no
-contradiction at one point, so the factors must be the same some way off as well. Where that does not hold, or the
-derivative stands in several equations, nothing is computed.
+contradiction at one point, so the factors must be the same at some distance as well. If they are not, or if several
+equations contain the derivative, nothing is computed.
 """
 
 from __future__ import annotations
@@ -25,21 +25,25 @@ from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 
 _Point = tuple[float, Vector, Vector, Vector, Vector, Vector]
+# Relative limits for responses that count as zero, and for factors that count as equal.
 _ROUNDING, _SAME = 1e-8, 1e-6
+# Relative displacements of the states for other points.
 _ELSEWHERE = (0.07, -0.11)
-"""Steps to other points, by the size of the states."""
-_KEPT: WeakKeyDictionary[CompiledModel, _Balance] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[CompiledModel, _Balance] = WeakKeyDictionary()
 
 
 def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, at: _Point) -> Vector | None:
-    """How states jump by an impulse on each of these velocities, shape (nx, resets); None where that is not known.
+    """The directions in which states jump by an impulse on each of these velocities, shape (nx, resets).
 
-    `slopes`: Of the stabilised constraints by the states, shape (constraints, nx).
+    None if an equation of motion is not a balance of forces.
+
+    `resets`: Indices of the velocities.
+    `slopes`: Derivatives of the stabilised constraints by the states, shape (constraints, nx).
     `at`: Time, x, z, u, p and m.
     """
-    balance = _KEPT.get(compiled)
+    balance = _CACHE.get(compiled)
     if balance is None:
-        balance = _KEPT[compiled] = _Balance(compiled)
+        balance = _CACHE[compiled] = _Balance(compiled)
     found = balance.response(resets, at)
     if found is None:
         return None
@@ -47,7 +51,9 @@ def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, a
     if not set(resets) <= set(moved):
         return None
     size = np.abs(slopes) @ np.abs(found)
-    if (np.abs(slopes @ found) > _ROUNDING * size).any():  # a position, or what holds no constraint
+    if (
+        np.abs(slopes @ found) > _ROUNDING * size
+    ).any():  # the reset state is a position, or the constraints would be violated
         return None
     factors = [_factors(balance, moved, at, shift) for shift in (0.0, *_ELSEWHERE)]
     if any(f is None or not np.allclose(f, factors[0], rtol=_SAME) for f in factors):  # type: ignore[arg-type]
@@ -56,25 +62,26 @@ def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, a
 
 
 def _factors(balance: _Balance, moved: Sequence[int], at: _Point, shift: float) -> Vector | None:
-    """See `reciprocity`; at a point some way off, on the constraints or not."""
+    """`reciprocity` at a displaced point, which need not satisfy the constraints."""
     t, x, *numbers = at
     n = balance.compiled.n_dynamic
     x = x.copy()
-    way = np.cos(1.0 + 2.0 * np.arange(n))
-    x[:n] += shift * way * (np.abs(x[:n]) + balance.compiled.nominal_x[:n])
+    direction = np.cos(1.0 + 2.0 * np.arange(n))
+    x[:n] += shift * direction * (np.abs(x[:n]) + balance.compiled.nominal_x[:n])
     response = balance.response(moved, (t, x, *numbers))  # type: ignore[arg-type]
     return None if response is None else reciprocity(response[moved])
 
 
 def reciprocity(response: Vector) -> Vector | None:
-    """Factors of the columns that make a matrix symmetric with a positive diagonal; None where there are none.
+    """Factors of the columns that make a matrix symmetric with a positive diagonal; None if there are none.
 
-    The first of those that hang together has the factor one."""
+    The first column of each connected group has the factor one.
+    """
     own = np.diag(response)
     if not np.isfinite(response).all() or (own == 0.0).any():
         return None
-    scaled = response / own  # of velocity j, by what moves velocity k by one
-    # the size of column k is chosen along a tree of those that move each other
+    scaled = response / own  # entry (j, k) is the jump of j if k jumps by one
+    # columns that respond to each other are scaled along a spanning tree
     factor, first = np.zeros(len(own)), np.zeros(len(own), dtype=int)
     for root in range(len(own)):
         if factor[root]:
@@ -92,7 +99,7 @@ def reciprocity(response: Vector) -> Vector | None:
 
 
 class _Balance:
-    """All equations of one instant, with what they are solved for."""
+    """All equations of one instant, and the unknowns for which they are solved."""
 
     def __init__(self, compiled: CompiledModel) -> None:
         structure = compiled.solution.structure
@@ -109,10 +116,10 @@ class _Balance:
         rates = open_.column(structure.rates(compiled.state_variables))
         self.values = ca.Function("values", s.inputs, [ca.densify(values)])
         self.slopes = ca.Function("slopes", [*s.inputs, y], [ca.jacobian(residuals, y), ca.jacobian(rates, y)])
-        self.place = {e: k for k, e in enumerate(self.rows)}
+        self.row_of = {e: k for k, e in enumerate(self.rows)}
 
     def response(self, velocities: Sequence[int], at: _Point) -> Vector | None:
-        """What the rates of all states change by when each of these velocities takes a force."""
+        """The response of the rates of all states to a force on each of these velocities, shape (nx, velocities)."""
         rows = [self._equation(k) for k in velocities]
         if any(row is None for row in rows):
             return None
@@ -126,11 +133,11 @@ class _Balance:
         return found if np.isfinite(found).all() else None
 
     def _equation(self, velocity: int) -> int | None:
-        """The one equation of the model in which its derivative stands, if that is solved as it was written."""
+        """The row of the only equation that contains its derivative, if that equation is solved as it was written."""
         structure = self.compiled.solution.structure
         reduced = structure.reduced
         rate = structure.derivative(self.compiled.state_variables[velocity])
         holding = [e for e, node in enumerate(reduced.residuals) if rate in reduced.pool.variables_in(node)]
         if len(holding) != 1 or structure.residuals[holding[0]] != reduced.residuals[holding[0]]:
             return None
-        return None if holding[0] in structure.integral.values() else self.place.get(holding[0])
+        return None if holding[0] in structure.integral.values() else self.row_of.get(holding[0])

@@ -1,9 +1,9 @@
-"""States behind a `reset` in a model whose constraints are stabilised: they satisfy the constraints, or the run ends.
+"""States after a `reset` in a model with stabilised constraints: they satisfy the constraints, or the run is refused.
 
-A reset changes some states and keeps the others. Where a constraint binds both, as a loop of joints binds their speeds,
-the others have to follow, by an impulse of the constraint. If the reset states determine them through the constraints,
-no mass is asked for: a crank that is given a speed turns all links of its loop. If they do not, Newton's law decides,
-where the equations of motion tell on what the impact acts (`balance.py`); else the run is refused.
+A reset changes some states and keeps the others. If a constraint binds both, as a loop of joints binds their speeds,
+the others have to follow, by an impulse of the constraint. If the constraints determine them from the reset states, no
+mass matters: a crank that is given a speed turns all links of its loop. Otherwise Newton's law determines them, if the
+equations of motion show on what the impact acts (`balance.py`); if they do not, the run is refused.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.events.resets.balance import directions
 from acausal.simulate.record.project import constraints
 
-_MOST = 20  # steps of Newton's method
-_HOLDS, _SOLVED = 1e-7, 1e-10  # what a constraint may be off by what moves it: at an event, and when it is solved
-_DRIFT = 3.0  # the same by how far the run was off before
-_RANK = 1e-6  # smallest singular value that counts, by the largest
+_MOST_ITERATIONS = 20  # iterations of Newton's method
+_HOLDS, _SOLVED = 1e-7, 1e-10  # largest relative error of a constraint at an event, and when it is solved
+_DRIFT = 3.0  # largest error as a multiple of that before the event
+_RANK = 1e-6  # smallest singular value that counts, relative to the largest
 
 
-def bound(compiled: CompiledModel, places: Collection[int]) -> list[int]:
-    """Those of these states that a stabilised constraint binds."""
+def bound(compiled: CompiledModel, states: Collection[int]) -> list[int]:
+    """The indices of those states, among `states`, that a stabilised constraint binds."""
     if not compiled.solution.structure.invariants:
         return []
-    return sorted(set(places) & set(np.flatnonzero(_binds(compiled).any(axis=0)).tolist()))
+    return sorted(set(states) & set(np.flatnonzero(_binds(compiled).any(axis=0)).tolist()))
 
 
 def followed(
@@ -42,39 +42,41 @@ def followed(
     set_by: Collection[int],
     numbers: tuple[Vector, Vector, Vector, Vector],
 ) -> Vector:
-    """States that keep what was reset and satisfy the constraints; `numbers` are z, u, p and m.
+    """States that keep the values that were reset and satisfy the constraints, shape (nx,).
 
-    Raises EventError: AC508 where the constraints do not determine the others, or cannot be satisfied.
+    Raises EventError (AC508) if the constraints do not determine the others, or cannot be satisfied.
 
-    `before`, `after`: States, shape (nx,), before and after the `reset`s at the places `set_by`.
+    `before`, `after`: States before and after the `reset`s; shape (nx,).
+    `set_by`: Indices of the states that were reset.
+    `numbers`: z, u, p and m.
     """
     reset = bound(compiled, set_by)
     if not reset:
         return after
     binds = _binds(compiled)
-    was, _ = _off(compiled, t, before, numbers)
-    allowed = max(_HOLDS, _DRIFT * float(was.max()))
-    broken = _off(compiled, t, after, numbers)[0] > allowed
+    errors_before, _ = _errors(compiled, t, before, numbers)
+    allowed = max(_HOLDS, _DRIFT * float(errors_before.max()))
+    broken = _errors(compiled, t, after, numbers)[0] > allowed
     if not broken.any():
         return after
     held = np.zeros(len(after), dtype=bool)
     held[reset] = True
     for k in np.flatnonzero(~broken):
-        # positions that hold where speeds do not
+        # positions are kept if they satisfy their constraint and only that of the speeds is violated
         if any((binds[k] <= binds[j]).all() and (binds[k] < binds[j]).any() for j in np.flatnonzero(broken)):
             held |= binds[k]
-    joined, free = _joined(binds, broken, held)
-    struck = _struck(compiled, t, before, after, reset, numbers)
-    if struck is not None and (_off(compiled, t, struck, numbers)[0] <= allowed).all():
-        return struck
-    x, rank = _solved(compiled, t, after, np.flatnonzero(joined), np.flatnonzero(free), numbers)
-    off, _ = _off(compiled, t, x, numbers)
-    if rank < free.sum() or not (off[joined] <= _SOLVED).all() or not (off <= allowed).all():
-        raise _open(compiled, t, reset, broken, np.flatnonzero(free).tolist() if rank < free.sum() else [])
+    coupled, free = _coupled(binds, broken, held)
+    after_impact = _after_impact(compiled, t, before, after, reset, numbers)
+    if after_impact is not None and (_errors(compiled, t, after_impact, numbers)[0] <= allowed).all():
+        return after_impact
+    x, rank = _solved(compiled, t, after, np.flatnonzero(coupled), np.flatnonzero(free), numbers)
+    errors, _ = _errors(compiled, t, x, numbers)
+    if rank < free.sum() or not (errors[coupled] <= _SOLVED).all() or not (errors <= allowed).all():
+        raise _undetermined(compiled, t, reset, broken, np.flatnonzero(free).tolist() if rank < free.sum() else [])
     return x
 
 
-def _struck(
+def _after_impact(
     compiled: CompiledModel,
     t: float,
     before: Vector,
@@ -82,7 +84,7 @@ def _struck(
     reset: list[int],
     numbers: tuple[Vector, Vector, Vector, Vector],
 ) -> Vector | None:
-    """States behind an impact on these velocities; None where the balance of impulses is not known."""
+    """States after an impact on these velocities; None if the balance of impulses is not known."""
     slopes = _at(compiled, t, before, numbers)[1]
     found = directions(compiled, reset, slopes, (t, before, *numbers))
     if found is None:
@@ -90,20 +92,20 @@ def _struck(
     own = found[reset]
     if np.linalg.matrix_rank(own / np.diag(own), tol=_RANK) < len(reset):
         return None
-    struck = after + found @ np.linalg.solve(own, after[reset] - before[reset])
-    struck[reset] = after[reset]
-    return struck
+    after_impact = after + found @ np.linalg.solve(own, after[reset] - before[reset])
+    after_impact[reset] = after[reset]
+    return after_impact
 
 
-def _joined(binds: Truth, broken: Truth, held: Truth) -> tuple[Truth, Truth]:
-    """Constraints that have to be solved together with the broken ones, and the states that may move for it."""
-    joined = broken
+def _coupled(binds: Truth, broken: Truth, held: Truth) -> tuple[Truth, Truth]:
+    """Constraints that have to be solved together with the broken ones, and the states that may change."""
+    coupled = broken
     while True:
-        free = binds[joined].any(axis=0) & ~held
-        more = joined | binds[:, free].any(axis=1)
-        if (more == joined).all():
-            return joined, free
-        joined = more
+        free = binds[coupled].any(axis=0) & ~held
+        larger = coupled | binds[:, free].any(axis=1)
+        if (larger == coupled).all():
+            return coupled, free
+        coupled = larger
 
 
 def _solved(
@@ -114,9 +116,9 @@ def _solved(
     free: NDArray[np.intp],
     numbers: tuple[Vector, Vector, Vector, Vector],
 ) -> tuple[Vector, int]:
-    """States that satisfy these constraints by moving those that are free, and the rank of their slope by these."""
+    """States in which the free ones satisfy the constraints `rows`, and the rank of the Jacobian by these."""
     x, rank, scale = x.copy(), 0, compiled.nominal_x[free]
-    for _ in range(_MOST if free.size else 0):
+    for _ in range(_MOST_ITERATIONS if free.size else 0):
         g, slope = _at(compiled, t, x, numbers)
         slope = slope[rows[:, None], free] * scale
         size = np.maximum(np.linalg.norm(slope, axis=1), 1e-300)
@@ -137,24 +139,24 @@ def _at(
     return g[0], slope[0]
 
 
-def _off(
+def _errors(
     compiled: CompiledModel, t: float, x: Vector, numbers: tuple[Vector, Vector, Vector, Vector]
 ) -> tuple[Vector, Vector]:
-    """How far each constraint is off, by what moves it; and their slopes."""
+    """The error of each constraint relative to the sizes of its terms, and the slopes."""
     g, slope = _at(compiled, t, x, numbers)
     could = np.abs(slope) @ (np.abs(x) + compiled.nominal_x)
     return np.nan_to_num(np.abs(g) / np.maximum(could, 1e-300), nan=np.inf), slope
 
 
 def _binds(compiled: CompiledModel) -> Truth:
-    """Which states stand in which constraints, shape (constraints, nx)."""
+    """Which states occur in which constraints, shape (constraints, nx)."""
     found = np.zeros((len(compiled.solution.structure.invariants), len(compiled.states)), dtype=bool)
     rows, columns = compiled.constraints.sparsity_out(1).get_triplet()
     found[rows, columns] = True
     return found
 
 
-def _open(compiled: CompiledModel, t: float, reset: list[int], broken: Truth, free: list[int]) -> EventError:
+def _undetermined(compiled: CompiledModel, t: float, reset: list[int], broken: Truth, free: list[int]) -> EventError:
     structure = compiled.solution.structure
     equations = list(dict.fromkeys(structure.flat_equation(structure.invariants[k][0]) for k in np.flatnonzero(broken)))
     names = [compiled.states[k] for k in reset]
