@@ -78,8 +78,8 @@ class Regime:
         """`ActiveSet.relaxed` of the guards `near`, shape (len(near),)."""
         if len(near) == 1:
             return self.active_set.buffered_relaxed(*given, near)[0]
-        rows = -(-len(near) // _BLOCK)
-        blocks = np.resize(near, (rows, _BLOCK))  # filled up with guards that are evaluated anyway
+        rows = -(-len(near) // TOGETHER)
+        blocks = np.resize(near, (rows, TOGETHER))  # filled up with guards that are evaluated anyway
         return np.concatenate([self.active_set.buffered_relaxed_together(*given, block)[0] for block in blocks])[
             : len(near)
         ]
@@ -111,8 +111,8 @@ class Regime:
 
 # The most sets of held relations whose equations are cached for one model.
 _MOST_SETS = 64
-# The number of guards that share a factorisation, because hundreds of bodies may touch the ground at one instant.
-_BLOCK = 16
+TOGETHER = 16
+"""The number of guards that share a factorisation, because hundreds of bodies may touch the ground at one instant."""
 # The most entries of a Jacobian of guards from which single rows are selected.
 _MOST_SLOPES = 10_000
 # The distance by which a multiplier at an end of its interval is moved inside.
@@ -258,7 +258,7 @@ class ActiveSet:
     @cached_property
     def buffered_relaxed_together(self) -> BufferedFunction:
         """`relaxed` of a block of guards at once, for single points."""
-        return BufferedFunction(self._relaxed(_BLOCK))
+        return BufferedFunction(self._relaxed(TOGETHER))
 
     @cached_property
     def multipliers(self) -> Any:
