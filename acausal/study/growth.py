@@ -2,8 +2,8 @@
 
 Variations of the states are propagated over the parts of a run, and through its events, by the linear maps of
 `acausal.export.sensitivity`, each part starting from the unit vectors; the growth from an instant to the end is the
-norm of the product of the maps between. Eigenvalues of frozen matrices do not show it: along an orbit one has a
-positive real part all the time, while errors grow in proportion to time.
+norm of the product of the maps between them. Eigenvalues of frozen matrices do not show this growth: along an orbit,
+one of them has a positive real part all the time, while errors grow only in proportion to time.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ from acausal.simulate.options import options as run_options
 from acausal.simulate.step_limit.state_matrix import StateMatrix
 from acausal.study.stability.trajectory import points
 
+# Number of parts of a run.
 _PARTS = 40
-# Up to this many states the maps are computed completely, beyond it along a few directions.
+# Up to this many states the maps are computed completely; beyond it, along a few random directions.
 _WHOLE, _DIRECTIONS = 24, 6
 _MOST_EVENTS = 300
 _KEEPS_DIGITS = 30.0
-# Points at which the fastest mode is searched, and decades between the parts that resolve it.
+# Number of points at which the fastest mode is searched, and decades between the parts that resolve it.
 _POINTS, _RATIO = 12, 1.5
 # States smaller than this fraction of their nominal magnitude count as that size (`bench.distance`).
 _LEAST = 1e-3
@@ -54,12 +55,12 @@ class Growth:
     @property
     def text(self) -> str:
         """The growth as a sentence without its subject."""
-        digits = f", against the solution at the time {self.relative:.2g} times" if self.keeps_digits else ""
+        digits = f", but only {self.relative:.2g} times relative to the solution" if self.keeps_digits else ""
         return f"grow up to {self.factor:.2g} times until the end of the run{digits}"
 
     @property
     def keeps_digits(self) -> bool:
-        """Whether the solution grows as its errors do, so that the relative error does not."""
+        """Whether the solution grows with its errors, so that the relative error does not grow."""
         return self.factor > _KEEPS_DIGITS * self.relative
 
     def content(self) -> dict[str, object]:
@@ -75,7 +76,7 @@ class Growth:
 def growth(
     compiled: CompiledModel, parameters: Mapping[str, float] | None, run_as: Mapping[str, Any], span: float
 ) -> Growth | None:
-    """The growth of errors in the first `span` seconds of a run; None where it cannot be measured.
+    """The growth of errors in the first `span` seconds of a run; None if it cannot be measured.
 
     Parameters
     ----------
@@ -106,10 +107,10 @@ def growth(
     values = np.array([np.asarray(result.at(times, name), dtype=float) for name in compiled.states[:n]])
     moving = floor[:, None] + np.abs(values)
     sizes = [_sizes(result, rows, float(t), least) for t in times]
-    largest, first, share = _largest(maps, lambda k: (sizes[k], sizes[k]))
+    largest, first, errors = _largest(maps, lambda k: (sizes[k], sizes[k]))
     relative, *_ = _largest(maps, lambda k: (moving[:, k], moving[:, -1]))
-    order = np.argsort(-share, kind="stable")[:3]
-    names = tuple(compiled.states[k] for k in order if share[k] >= 0.1 * share[order[0]])
+    order = np.argsort(-errors, kind="stable")[:3]
+    names = tuple(compiled.states[k] for k in order if errors[k] >= 0.1 * errors[order[0]])
     return Growth(largest, relative, float(times[first]), names)
 
 
@@ -137,7 +138,7 @@ def _traced(
 
 
 def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, list[Vector]]:
-    """(Instants, maps of variations of the first n states from each to the next, including the events between).
+    """(Instants, maps of variations of the first n states from each instant to the next, events in between included).
 
     Maps have shape (n, n); beyond 24 states they are the variations themselves, shape (n, 6), at later instants.
     """
@@ -153,8 +154,8 @@ def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, li
             continue
         count = max(1, round(_PARTS * (stretch.end - stretch.start) / span))
         ends = np.linspace(stretch.start, stretch.end, count + 1)
-        for end, through in stretch.parts(_resolve(ends, fastest, whole)):
-            x = through @ x
+        for end, linear_map in stretch.parts(_resolve(ends, fastest, whole)):
+            x = linear_map @ x
             if end not in ends:
                 continue
             times.append(end)
@@ -165,9 +166,9 @@ def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, li
 
 
 def _sizes(result: Result, rows: Vector, t: float, least: Vector) -> Vector:
-    """Largest magnitude of each state, shape (n,), from instant `t`, but at the latest from the middle of the run.
+    """Largest magnitude of each state, shape (n,), from instant `t` on, at the latest from the middle of the run on.
 
-    Earlier values are no scale for later errors: some states decay through ten decades.
+    Earlier values are not a scale for later errors: some states decay through ten decades.
     """
     first, last = float(result.time[0]), float(result.time[-1])
     later = result.time >= min(t, 0.5 * (first + last))
@@ -177,16 +178,16 @@ def _sizes(result: Result, rows: Vector, t: float, least: Vector) -> Vector:
 def _resolve(ends: Vector, fastest: float, again: bool) -> Vector:
     """Ends of parts, with short parts that resolve the fastest mode [1/s] at the start of the first, or of all parts.
 
-    A unit vector points off the slow solution, and a long step would not damp it, because the matrix of the method is a
-    different one there.
+    A unit vector points away from the slow solution, and a long step would not damp this component, because the matrix
+    of the method is a different one there.
     """
-    found = []
+    resolved = []
     for k, (a, b) in enumerate(pairwise(ends)):
         length = float(b - a)
         decades = math.log10(max(1.0, fastest * length)) if again or not k else 0.0
-        found += [a + length * 10.0**-d for d in np.arange(decades, 0.5, -_RATIO).tolist()]
-        found.append(b)
-    return np.array(found)
+        resolved += [a + length * 10.0**-d for d in np.arange(decades, 0.5, -_RATIO).tolist()]
+        resolved.append(b)
+    return np.array(resolved)
 
 
 def _fastest(run: Run, result: Result) -> float:
@@ -211,11 +212,11 @@ def _largest(maps: list[Vector], scales: Callable[[int], tuple[Vector, Vector]])
         if n == columns:
             product = product @ maps[first]
             scaled = product * before / after[:, None]
-            size, shares = float(np.linalg.norm(scaled, 2)), np.linalg.norm(scaled, axis=1)
+            size, errors = float(np.linalg.norm(scaled, 2)), np.linalg.norm(scaled, axis=1)
         else:
             scaled = maps[last] / after[:, None]
             ratios = np.linalg.norm(scaled, axis=0) / np.linalg.norm(maps[first] / before[:, None], axis=0)
-            size, shares = float(ratios.max()), np.abs(scaled[:, int(np.argmax(ratios))])
+            size, errors = float(ratios.max()), np.abs(scaled[:, int(np.argmax(ratios))])
         if size > best[0]:
-            best = size, first, shares
+            best = size, first, errors
     return best

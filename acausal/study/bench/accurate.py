@@ -26,20 +26,20 @@ def simulated_to_accuracy(
     more: Mapping[str, object],
     progress: Callable[[float, float], None] | None,
 ) -> Result:
-    """Result of the cheapest run with an error of at most `accuracy`; its `stats` tell how it was found.
+    """Result of the cheapest run with an error of at most `accuracy`; its `stats` describe the search.
 
     Parameters
     ----------
     asked
-        Times, solver and `native` as `simulate` takes them, None where open. Of a given solver only tolerances are
-        tried.
+        Times, solver and `native` as passed to `simulate`, None if open. If a solver is given, only its tolerances are
+        varied.
     more
         Parameters, inputs and `force` of all runs.
 
     Raises
     ------
     UsageError
-        AC041 for an accuracy outside (0, 1), AC043 if a tolerance, a step or a longest step is given too.
+        AC041 for an accuracy outside (0, 1), AC043 if a tolerance, a step or a maximum step is given, too.
     IntegrationError
         AC410 without a reference, AC411 if no run reaches the accuracy.
     """
@@ -58,7 +58,7 @@ def simulated_to_accuracy(
 
 
 def tolerances_for(accuracy: float) -> tuple[float, ...]:
-    """Tolerances to try for an accuracy: errors lie within some decades of the tolerance."""
+    """Tolerances to try for an accuracy: errors are within a few decades of the tolerance."""
     return tuple(t for t in (accuracy * f for f in (30.0, 3.0, 0.3, 0.03, 0.003)) if 1e-13 <= t < 0.5) or (1e-12,)
 
 

@@ -37,7 +37,7 @@ from acausal.study.bench.run import Run
 Say = Callable[[str], None]
 
 _COMPILE_LIMIT = 120.0
-# Mixed error from which a run counts as failed.
+# A run with a larger mixed error counts as failed.
 _ASTRAY = 10.0
 
 
@@ -59,7 +59,7 @@ def bench(
     inputs: Mapping[str, float] | None = None,
     progress: Say | None = None,
 ) -> Bench:
-    """Measure work against precision: every solver at every tolerance and fixed step, on every formulation.
+    """Measure work and precision of every solver at every tolerance and fixed step, on every formulation.
 
     Parameters
     ----------
@@ -68,7 +68,8 @@ def bench(
     solvers
         Names; by default idas, rosenbrock, cvodes and erk, and rk2, erk and rosenbrock with fixed steps.
     tolerances, steps
-        Tolerances, by default whole decades from 1e-3 to 1e-10, and steps [s], by default 100, 1000 and 10 000 steps.
+        Tolerances, by default the decades from 1e-3 to 1e-10, and step sizes [s], by default those of 100, 1000 and
+        10 000 steps per run.
     formulations
         "torn", "dae", "projected"; by default those that differ.
     reference
@@ -120,7 +121,7 @@ class _Effort:
 
 @dataclass(frozen=True)
 class _Forms:
-    """Compiled formulations of one model, reasons why others failed, notes, and times [s]."""
+    """Compiled formulations of one model, reasons for the failure of others, notes, and times [s]."""
 
     models: dict[str, CompiledModel]
     failures: dict[str, str]
@@ -130,7 +131,7 @@ class _Forms:
     def compile(
         self, component: Component, parameters: Mapping[str, object] | None, formulation: str, asked: bool
     ) -> None:
-        """Add a formulation, or the reason why it failed; one equal to "torn" only if it was requested."""
+        """Add a formulation, or the reason for its failure; one equal to "torn" only if it was requested (`asked`)."""
         outcome = isolated(lambda: iter([bool(_compiled(component, parameters, formulation))]), _COMPILE_LIMIT)
         if outcome.value is None:
             self.failures[formulation] = outcome.failure
@@ -181,7 +182,7 @@ def _benched(
         first.flat.experiment, start_time=options.get("start_time"), stop_time=options.get("stop_time")
     )
     span = chosen.stop_time - chosen.start_time
-    input_vector(first, options.get("inputs") or {})  # a missing one is a wrong request, not a failure of every case
+    input_vector(first, options.get("inputs") or {})  # refuse a missing input here, not as a failure of every case
     task = Task(first, components(first, names), span, options)
     nominal = _nominal(first, task.names)
     if reference is None:
@@ -264,7 +265,7 @@ class _Lab:
         if against.only_end:
             far = replace(far, series=far.end, phase=None, shape=None)
         if far.series > _ASTRAY:
-            return Run(case, failure=f"the solution has left the reference: error {far.series:.1e}")
+            return Run(case, failure=f"the solution has diverged from the reference: error {far.series:.1e}")
         return Run(
             case,
             distance=far,
@@ -282,14 +283,14 @@ def _wanted(
     tolerances: Sequence[float] | None,
     steps: Sequence[float] | None,
     span: float,
-    own_step: float | None,
+    declared_step: float | None,
     max_step: float | None,
 ) -> tuple[Sequence[str], Sequence[float], Sequence[float]]:
     """Solvers, tolerances and steps with their defaults."""
     if steps is None:
         steps = [span / n for n in defaults.FIXED_STEPS]
-        if own_step is not None and all(abs(own_step - s) > 1e-6 * s for s in steps):
-            steps = [*steps, own_step]
+        if declared_step is not None and all(abs(declared_step - s) > 1e-6 * s for s in steps):
+            steps = [*steps, declared_step]
     if solvers is None:
         solvers = list(dict.fromkeys([*defaults.ADAPTIVE, *defaults.FIXED])) if steps else defaults.ADAPTIVE
     return solvers, defaults.TOLERANCES if tolerances is None else tolerances, steps
@@ -303,15 +304,16 @@ def _cases(
     steps: Sequence[float],
 ) -> list[Case]:
     """All cases; by default formulations other than torn run with solvers for algebraic variables only."""
-    found = list(cases(formulations, solvers, tolerances, steps))
-    narrow = default and "torn" in formulations
+    restricts = default and "torn" in formulations
     return [
-        c for c in found if not narrow or c.formulation == "torn" or (c.solver in defaults.IMPLICIT and c.step is None)
+        c
+        for c in cases(formulations, solvers, tolerances, steps)
+        if not restricts or c.formulation == "torn" or (c.solver in defaults.IMPLICIT and c.step is None)
     ]
 
 
 def _nominal(compiled: CompiledModel, names: Sequence[str]) -> Vector:
-    """Nominal magnitudes of variables, shape (len(names),), 1 where unknown."""
+    """Nominal magnitudes of variables, shape (len(names),), 1 if unknown."""
     known = dict(zip(compiled.states, compiled.nominal_x, strict=True))
     for variable in compiled.flat.variables:
         for suffix in suffixes(variable.declaration.shape):

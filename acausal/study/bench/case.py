@@ -34,7 +34,7 @@ class Case:
 
     @property
     def knob(self) -> str:
-        """Text of the tolerance or step, which varies within a series."""
+        """Text of the tolerance or step, the setting that varies within a series."""
         return f"tolerance {self.tolerance:.3g}" if self.step is None else f"step {self.step:.3g} s"
 
 

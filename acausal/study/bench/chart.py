@@ -47,7 +47,7 @@ _STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.hashsalt": "acausal",
 }
-# Widths of a panel and of the list beside them [in], and what a line of that holds.
+# Widths of a panel and of the list beside the panels [in], and number of characters in a line of the list.
 _PANEL, _LIST, _CHARACTERS = 4.3, 3.6, 62
 # Abscissa of runs without any error.
 _EXACT = 1e-16
@@ -135,7 +135,7 @@ def _title(bench: Bench) -> str:
 
 def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) -> None:
     for name, runs in bench.series.items():
-        # zero has no place on a logarithmic axis: draw it at the end
+        # a logarithmic axis has no zero: draw it at the end
         points = [(max(r.error, _EXACT), value(r)) for r in runs if r.distance is not None]
         points = [(x, y) for x, y in points if math.isfinite(x) and math.isfinite(y) and y > 0]
         if points:
@@ -158,8 +158,8 @@ def _panel(axes: Axes, bench: Bench, label: str, value: Callable[[Run], float]) 
 def _plain_numbers(axis: Axis, low: float, high: float) -> None:
     """Ticks at 1, 2, 5 for few decades, written without powers of ten if short."""
     narrow = math.log10(high / low) < 2.0
-    own = LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12)
-    axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]) if high < 4.0 * low else own)
+    decades = LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=12)
+    axis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10]) if high < 4.0 * low else decades)
     axis.set_minor_formatter(NullFormatter())
     if 1e-4 < low and high < 1e6:
         axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}" if v < 1e5 else f"{v:.0e}".replace("e+0", "e")))
@@ -185,9 +185,9 @@ def _limits(axes: Axes, bench: Bench) -> None:
 
 
 def _failures(axes: Axes, bench: Bench) -> None:
-    """Crosses on the upper edge, at the requested tolerance; failed fixed steps at the left.
+    """Draw crosses on the upper edge, at the requested tolerance; failed fixed steps at the left.
 
-    One for each solver, place and reason: the list beside the panels names every run.
+    There is one for each solver, position and reason; the list beside the panels names every run.
     """
     bottom, top = axes.get_ylim()
     failed = [r for r in bench.runs if r.failure]

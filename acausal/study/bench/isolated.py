@@ -1,9 +1,9 @@
 """Work in a child process with a time limit, for solvers that may hang or crash.
 
 The loop of a solver is C code and can only be stopped by ending its process. The child is a copy of this process
-(`fork`), so the compiled model needs no pickling; only measurements are sent back. Without `fork` (Windows), the work
-is done in this process and the limit is not enforced. Limits are of processor time where the system reports it (Linux),
-so that a busy machine does not fail a method.
+(`fork`), so that the compiled model need not be pickled; only measurements are sent back. Without `fork` (Windows), the
+work is done in this process and the limit is not enforced. Limits apply to processor time if the system reports it
+(Linux), so that a busy machine does not make a method fail.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _PATIENCE = 8.0
 
 @dataclass(frozen=True)
 class Outcome(Generic[T]):
-    """Last value yielded by the work, and why there is none or no further one."""
+    """Last value yielded by the work, and the reason if there is none or the work failed after it."""
 
     value: T | None
     failure: str = ""
@@ -38,7 +38,7 @@ class Outcome(Generic[T]):
 
 
 def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
-    """Run `work` in a child process; each value it yields must come within `limit` seconds of the one before.
+    """Run `work` in a child process; it must yield each value within `limit` seconds after the one before.
 
     The last value counts, so work that improves on a first value may be interrupted.
     """
@@ -47,7 +47,7 @@ def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
     reader, writer = os.pipe()
     began = time.perf_counter()
     with warnings.catch_warnings():
-        # Python 3.12 warns when a library has threads; ours (of BLAS) look after themselves at a fork.
+        # Python 3.12 warns of threads at a fork; BLAS, which has them here, handles forks itself
         warnings.simplefilter("ignore", DeprecationWarning)
         child = os.fork()
     if child == 0:
@@ -57,12 +57,13 @@ def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
         value, failure = _collect(reader, child, limit)
     finally:
         os.close(reader)
-        # Also after Ctrl-C, so that no child process remains.
+        # also after Ctrl-C, so that no child process remains
         os.kill(child, signal.SIGKILL)
         _, status = os.waitpid(child, 0)
     if value is None and not failure:
         code = os.waitstatus_to_exitcode(status)
-        failure = f"the process died ({signal.Signals(-code).name})" if code < 0 else "the process ended without a word"
+        died = f"the process died ({signal.Signals(-code).name})"
+        failure = died if code < 0 else "the process ended without a message"
     return Outcome(value, failure, time.perf_counter() - began)
 
 

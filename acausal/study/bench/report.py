@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Work against precision of one model.
+    """Work and precision of one model.
 
-    `times` in seconds: "build" (making the components), "compile" (per formulation: "compile torn", ...), "native"
-    (per series: making the C library, or finding it), "start" (start values and integrators, median over the runs).
+    `times` in seconds: "build" (creating the components), "compile" (per formulation: "compile torn", ...), "native"
+    (per series: compiling the C library, or finding it), "start" (start values and integrators, median over the runs).
     """
 
     model: str
@@ -53,27 +53,27 @@ class Bench:
 
     @property
     def orders(self) -> dict[str, tuple[float, int]]:
-        """(Observed, classical) order of each series of fixed steps with suitable errors.
+        """(Observed, classical) order of each series of fixed steps that has two suitable errors.
 
-        Observed between the last two errors above that of the reference. Stiffness, kinks and events reduce it.
+        It is observed between the last two errors above that of the reference. Stiffness, kinks and events reduce it.
         """
         found = {}
         for name, runs in self.series.items():
             floor = 10 * max(self.reference.trusted_error, 1e-14)
-            told = [run for run in runs if run.case.step is not None and floor < run.error < _ASTRAY]
-            if len(told) < 2:
+            suitable = [run for run in runs if run.case.step is not None and floor < run.error < _ASTRAY]
+            if len(suitable) < 2:
                 continue
-            # steps actually taken: some methods subdivide every output interval
-            (a, few), (b, many) = ((run.error, run.counters.get("steps", math.nan)) for run in told[-2:])
+            # count the steps actually taken: some methods subdivide every output interval
+            (a, few), (b, many) = ((run.error, run.counters.get("steps", math.nan)) for run in suitable[-2:])
             if many > few:
-                found[name] = math.log(a / b) / math.log(many / few), _ORDERS[told[0].case.solver]
+                found[name] = math.log(a / b) / math.log(many / few), _ORDERS[suitable[0].case.solver]
         return found
 
     def record(self) -> dict[str, Any]:
         """All results as a dictionary, for JSON."""
         return {
             "model": self.model,
-            "orders": {name: {"observed": seen, "classical": own} for name, (seen, own) in self.orders.items()},
+            "orders": {name: {"observed": a, "classical": b} for name, (a, b) in self.orders.items()},
             "start_time": self.start_time,
             "stop_time": self.stop_time,
             "components": list(self.components),
@@ -93,7 +93,7 @@ class Bench:
         }
 
     def recommend(self, accuracy: float) -> Recommendation:
-        """The cheapest run with an error of at most `accuracy`, which every tighter run of its series has too.
+        """The cheapest run with an error of at most `accuracy`, which every tighter run of its series reaches, too.
 
         Raises
         ------
@@ -108,26 +108,26 @@ class Bench:
                 + (
                     f"its reference is trusted to {digits:.1f} digits only"
                     if digits > 0
-                    else "its reference has no digit"
+                    else "its reference has no correct digit"
                 ),
                 evidence=[self.reference.source, *self.reference.notes],
-                cause="the model amplifies rounding (chaos), or has jumps the solvers place differently",
-                help="shorten the run (--stop-time), or ask for less",
+                cause="the model amplifies rounding errors (chaos), or has jumps at which solvers differ in time",
+                help="shorten the run (--stop-time), or request less accuracy",
             )
         good = [run for runs in self.series.values() for run in monotone(runs, accuracy)]
         if not good:
-            arrived = sorted((run for run in self.runs if run.distance is not None), key=lambda run: run.error)
+            best_runs = sorted((run for run in self.runs if run.distance is not None), key=lambda run: run.error)
             raise IntegrationError(
                 "AC411",
                 f"no run of {self.model} reached an accuracy of {accuracy:g}",
-                evidence=[f"{run.case.series}, {run.case.knob}: error {run.error:.1e}" for run in arrived[:3]],
-                help="try tighter tolerances (--tolerance), or ask for less",
+                evidence=[f"{run.case.series}, {run.case.knob}: error {run.error:.1e}" for run in best_runs[:3]],
+                help="try tighter tolerances (--tolerance), or request less accuracy",
             )
         best = min(good, key=lambda run: run.cost)
         return Recommendation(accuracy, best, len(self.runs), self.reference.trusted_digits)
 
     def plot(self, file: str | Path | None = None) -> Figure:
-        """Draw the chart, to a file where one is given: .png, .svg or .pdf."""
+        """Draw the chart, to a file if one is given: .png, .svg or .pdf."""
         drawn: Figure = provided("bench_chart")(self, file)
         return drawn
 
@@ -169,7 +169,7 @@ class Bench:
 _LEVELS = (1e-3, 1e-6, 1e-9)
 # Limits of the failures in the short report.
 _MOST_REASONS, _LONGEST = 3, 90
-# Largest mixed error from which an order can be observed.
+# Largest mixed error at which an order can be observed.
 _ASTRAY = 0.1
 _HEAD = ("series", "tolerance or step", "error", "end error", "mescd", "phase s", "solve ms")
 _COUNTS = {"steps": "steps", "rhs": "rhs_evaluations", "jac": "jacobians", "fact": "factorisations"}
@@ -179,10 +179,10 @@ _ORDERS = {"rk2": 2, "rk": 4, "erk": 5, "rosenbrock": 5, "collocation": 5}
 
 def _cheapest(bench: Bench, accuracy: float) -> str:
     if bench.reference.trusted_error > accuracy:
-        return "the reference cannot tell"
+        return "the reference is not accurate enough"
     good = [run for runs in bench.series.values() for run in monotone(runs, accuracy)]
     if not good:
-        return "no run arrives"
+        return "no run reaches it"
     best = min(good, key=lambda run: run.cost)
     return f"{best.case.series} with {best.case.knob} ({1e3 * best.cost:.3g} ms, error {best.error:.1e})"
 

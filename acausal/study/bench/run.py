@@ -72,7 +72,7 @@ class Run:
 
 
 def generic(failure: str) -> str:
-    """A failure without the numbers that differ from run to run."""
+    """The text of a failure without the numbers that differ from run to run."""
     text = re.sub(r"^not tried: ", "", failure)
     text = re.sub(r" at (tolerance|step) \S+( s)?$", "", text)
     text = re.sub(r": error \S+$", "", text)
@@ -81,7 +81,7 @@ def generic(failure: str) -> str:
 
 
 def monotone(runs: Sequence[Run], accuracy: float) -> list[Run]:
-    """Runs of a series that reach an accuracy with every tighter run too, to exclude chance."""
+    """Runs of a series that reach an accuracy and whose tighter runs all do, too, to exclude chance."""
     found = []
     for run in reversed(runs):
         if run.distance is None:

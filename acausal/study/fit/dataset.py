@@ -27,8 +27,8 @@ class Dataset:
     ----------
     data
         Measured signals: a CSV file (`time [s], mass.s [mm], ...`), a pandas DataFrame over time, a `Result`, or a
-        mapping from names to `TimeSeries` or `(times, values)`. Columns named like an input of the model drive it,
-        those named like a variable are compared with it; every column must be one or the other.
+        mapping from names to `TimeSeries` or `(times, values)`. A column with the name of an input of the model drives
+        it, one with the name of a variable is compared with it; every column must be one or the other.
     inputs, start, parameters
         As in `simulate`, for this experiment only.
     sigma
@@ -72,8 +72,8 @@ def columns_of(dataset: Dataset) -> dict[str, TimeSeries]:
         return _from_frame(data)
     raise UsageError(
         "AC055",
-        f"data of type {type(data).__name__} are no measurements",
-        help="a CSV file, a DataFrame over time, a Result, or {'mass.s': (times, values)}",
+        f"data of type {type(data).__name__} are not measurements",
+        help="give a CSV file, a DataFrame over time, a Result, or {'mass.s': (times, values)}",
     )
 
 
@@ -81,7 +81,7 @@ def _series(name: str, value: Any) -> TimeSeries:
     if isinstance(value, TimeSeries):
         return value
     if not isinstance(value, tuple) or len(value) != 2:
-        raise UsageError("AC055", f"{name} is no TimeSeries and no pair of times and values")
+        raise UsageError("AC055", f"{name} is neither a TimeSeries nor a pair of times and values")
     return TimeSeries(value[0], value[1], name=name)
 
 
@@ -109,15 +109,15 @@ def _from_frame(frame: Any) -> dict[str, TimeSeries]:
             values = frame.iloc[:, k].to_numpy(dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise UsageError("AC055", f"column '{column}' does not consist of numbers: {error}") from None
-        there = ~np.isnan(values)
-        found[name] = TimeSeries(times[there], values[there], unit=unit or units.get(column, ""), name=str(column))
+        present = ~np.isnan(values)
+        found[name] = TimeSeries(times[present], values[present], unit=unit or units.get(column, ""), name=str(column))
     return found
 
 
 def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Result) -> tuple[Measured, ...]:
-    """The columns to compare with the model, in SI; `run` is a result of it, with its signals.
+    """The columns to compare with the model, in SI; `run` is a result of the model.
 
-    Raises UsageError: AC055 for a column that is no signal of the model, or no column at all to compare.
+    Raises UsageError: AC055 for a column that is no signal of the model, or if there is no column to compare.
     Raises UnitError: AC151 for a unit that does not fit.
     """
     found = []
@@ -133,7 +133,7 @@ def measured(columns: Mapping[str, TimeSeries], inputs: tuple[str, ...], run: Re
             )
         found.append(Measured(name, series.times, _in_si(name, series, run.unit(name))))
     if not found:
-        raise UsageError("AC055", f"the data hold inputs of {run.model} only: there is nothing to compare it with")
+        raise UsageError("AC055", f"the data contain only inputs of {run.model}: there is nothing to compare it with")
     return tuple(found)
 
 

@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 # Relative step of finite differences, and tolerance of the runs at which these are accurate to 1e-4.
 _STEP = 1e-4
 _TOLERANCE = 1e-8
-# Relative change of the sum of squares and of the parameters at which the first fit, with guessed weights, ends, and
-# the last one, whose parameters are then within a few hundredths of their standard deviation.
+# A fit ends when the sum of squares and the parameters change by less than this fraction: the first fit, with guessed
+# weights, and the last one, whose parameters are then within a few hundredths of their standard deviation.
 _ROUGH = 1e-3
 _FINE = 1e-6
-_MOST = 100
-# Relative offset at which the first and the last fit end: the part of the residuals that a step would remove, in
-# standard deviations, which bounds the movement of each parameter in its own.
+_MOST_STEPS = 100
+# Relative offset at which the first and the last fit end: the part of the residuals that a further step would remove,
+# in standard deviations. It limits the change of each parameter, in standard deviations of the parameter.
 _OFFSET_ROUGH, _OFFSET = 0.1, 0.01
 # Columns of derivatives that agree to this relative accuracy differ by rounding only.
 _SAME = 1e-3
@@ -65,14 +65,14 @@ class Fit:
     covariance, correlation
         Shape (n, n).
     rms, noise
-        Root mean square of the residuals by signal, in its unit, and the standard deviation used as weight; that of
-        several data sets with different `sigma` is the root of their mean square.
+        Root mean square of the residuals by signal, in its unit, and the standard deviation by which they are weighted;
+        for data sets with different `sigma`, the root of its mean square.
     rows, runs, gradients
-        Number of values compared, of simulations, and of simulations differentiated by all parameters at once.
+        Number of compared values, of simulations, and of simulations differentiated by all parameters at once.
     results
         One run with the estimated parameters for each data set.
     notes
-        Doubts: parameters that the data do not determine, correlated residuals, values at a limit.
+        Limits of the estimates: parameters that the data do not determine, correlated residuals, values at a limit.
     """
 
     model: str
@@ -141,7 +141,7 @@ def fit(
         AC055 for data that do not fit the model, AC056 for parameters that cannot be free, AC057 for more parameters
         than values.
     AcausalError
-        Errors of the first run; when a later one fails, the search takes a shorter step.
+        Errors of the first run; if a later one fails, the search takes a shorter step.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     values = parameters if isinstance(model, CompiledModel) else None
@@ -154,7 +154,7 @@ def fit(
     trials = tuple(trial_of(compiled, d, k, common, unknown.guess_by_name, wanted) for k, d in enumerate(sets))
     search = _Search(trials, unknown, progress)
     if search.rows <= len(unknown.names):
-        raise UsageError("AC057", f"{search.rows} measured values cannot tell {len(unknown.names)} parameters")
+        raise UsageError("AC057", f"{search.rows} measured values cannot determine {len(unknown.names)} parameters")
     return search.solve(compiled)
 
 
@@ -175,15 +175,15 @@ def _make_unknowns(
             raise _unfit(compiled, name, base is not None, list(present))
         low, high = base.declaration.min, base.declaration.max
         if isinstance(free, Mapping):
-            asked = entries(name, (2,), free[name], base.declaration.unit)
-            low, high = max(low, asked[0]), min(high, asked[1])
+            requested = entries(name, (2,), free[name], base.declaration.unit)
+            low, high = max(low, requested[0]), min(high, requested[1])
         guess = entries(name, (), given.get(name, present[name]), base.declaration.unit)[0]
         if not low <= guess <= high or low >= high:
-            told = f"{name} begins at {guess:g}, which is not between its limits {low:g}, {high:g}"
+            fact = f"{name} starts at {guess:g}, which is not between its limits {low:g} and {high:g}"
             if low >= high:
-                told = f"no value of {name} lies between its limits {low:g} and {high:g}"
+                fact = f"no value of {name} lies between its limits {low:g} and {high:g}"
             raise UsageError(
-                "AC056", told, help=f"give it another first value or other limits: parameters={{'{name}': ...}}"
+                "AC056", fact, help=f"give it another start value or other limits: parameters={{'{name}': ...}}"
             )
         units.append(base.declaration.unit)
         rows.append((guess, low, high))
@@ -191,13 +191,13 @@ def _make_unknowns(
 
 
 def _check_sets(sets: Sequence[Dataset], free: tuple[str, ...]) -> None:
-    """Raise UsageError AC056 where a data set has its own value of a parameter that all share."""
+    """Raise UsageError AC056 if a data set has its own value of a free parameter, which all data sets share."""
     for name in (n for d in sets for n in d.parameters):
         if name in free or any(f.startswith(f"{name}[") for f in free):
             raise UsageError(
                 "AC056",
-                f"{name} is free and has one value in all experiments, but a data set gives it its own",
-                help="leave it out of the data set, or out of `free`; where the search begins stands in `parameters`",
+                f"{name} is free, with one value for all experiments, but a data set gives it a value of its own",
+                help="leave it out of the data set, or out of `free`; give its start value in `parameters`",
             )
 
 
@@ -206,7 +206,7 @@ def _unfit(compiled: CompiledModel, name: str, known: bool, free: list[str]) -> 
         "AC056",
         f"{name} follows from other parameters of {compiled.name}" if known else f"there is no parameter '{name}'",
         evidence=meant(name, free),
-        help="free those, or give it a value of its own, where the search begins"
+        help="free those, or give it a start value of its own, which replaces the binding"
         if known
         else "acausal info lists all parameters",
     )
@@ -229,11 +229,11 @@ class _Search:
     progress: Callable[[str], None] | None
     runs: int = 0
     noise: Mapping[str, float] = field(default_factory=dict)
-    known: dict[bytes, Vector | None] = field(default_factory=dict)
+    known_residuals: dict[bytes, Vector | None] = field(default_factory=dict)
     kept: dict[bytes, list[TrialRun]] = field(default_factory=dict)
     slopes: dict[bytes, Vector] = field(default_factory=dict)
     gradients: int = 0
-    is_known: bool = False
+    is_noise_known: bool = False
 
     @property
     def rows(self) -> int:
@@ -243,9 +243,9 @@ class _Search:
     def residuals(self, q: Vector) -> Vector | None:
         """Simulated minus measured values in SI, shape (rows,); None if a run fails."""
         key = q.tobytes()
-        if key not in self.known:
+        if key not in self.known_residuals:
             runs = self._run(q)
-            self.known[key] = (
+            self.known_residuals[key] = (
                 None
                 if runs is None
                 else np.concatenate([t.residuals(r) for t, r in zip(self.trials, runs, strict=True)])
@@ -254,7 +254,7 @@ class _Search:
                 self.kept[key] = runs
                 while len(self.kept) > _MOST_CACHED:
                     del self.kept[next(iter(self.kept))]
-        return self.known[key]
+        return self.known_residuals[key]
 
     def _run(self, q: Vector) -> list[TrialRun] | None:
         """One run of each data set; None if one fails."""
@@ -272,7 +272,7 @@ class _Search:
         return dict(zip(self.unknown.names, (q * self.unknown.scale).tolist(), strict=True))
 
     def results(self, q: Vector) -> tuple[Result, ...]:
-        """The runs with these parameters, from the cache or made again."""
+        """The runs with these parameters, from the cache or repeated."""
         runs = self.kept.get(q.tobytes()) or self._run(q) or []
         return tuple(r.result for r in runs)
 
@@ -285,7 +285,7 @@ class _Search:
         return self.slopes[key]
 
     def _exact_derivatives(self, q: Vector) -> Vector | None:
-        """Derivatives of the runs, shape (rows, n); None unless all runs have some."""
+        """Derivatives of the runs, shape (rows, n); None unless all runs can be differentiated."""
         self.residuals(q)
         parts = []
         for trial, trial_run in zip(self.trials, self.kept.get(q.tobytes(), []), strict=False):
@@ -315,7 +315,7 @@ class _Search:
                     break
             else:
                 name = self.unknown.names[k]
-                raise UsageError("AC056", f"no run beside {name} = {q[k] * self.unknown.scale[k]:.6g} succeeds")
+                raise UsageError("AC056", f"no run near {name} = {q[k] * self.unknown.scale[k]:.6g} succeeds")
         return np.column_stack(columns)
 
     def offset(self, q: Vector, rest: Vector, slope: Vector) -> float:
@@ -331,26 +331,27 @@ class _Search:
         low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
         if not ((q + step > low) & (q + step < high)).all():
             return np.inf
-        square = 1.0 if self.is_known else float(rest @ rest) / (len(rest) - len(q))
+        square = 1.0 if self.is_noise_known else float(rest @ rest) / (len(rest) - len(q))
         return float(np.linalg.norm(slope @ step) / np.sqrt(square)) if square > 0.0 else 0.0
 
     def weights(self) -> Vector:
-        """Reciprocal standard deviation of the noise of each value, shape (rows,): that of its own data set first."""
+        """Reciprocal standard deviation of the noise of each value, shape (rows,); `sigma` of its data set if given."""
         sizes = ((len(s.values), t.sigma.get(s.name) or self.noise[s.name]) for t in self.trials for s in t.signals)
         return np.concatenate([np.full(n, 1.0 / size) for n, size in sizes])
 
     def by_signal(self, values: Vector, is_unknown: bool = False) -> dict[str, Vector]:
-        """Split `values`, shape (rows,), by signal, over all trials or those that do not know the signal's noise."""
+        """Split `values`, shape (rows,), by signal, over all trials or, with `is_unknown`, those without its sigma."""
         found: dict[str, list[Vector]] = {}
-        place = 0
+        first = 0
         for t in self.trials:
             for s in t.signals:
                 if not (is_unknown and s.name in t.sigma):
-                    found.setdefault(s.name, []).append(values[place : place + len(s.values)])
-                place += len(s.values)
+                    found.setdefault(s.name, []).append(values[first : first + len(s.values)])
+                first += len(s.values)
         return {name: np.concatenate(parts) for name, parts in found.items()}
 
     def least(self, q: Vector, enough: float) -> Vector:
+        """Parameters of the least weighted squares, shape (n,), from `q` on, to the relative change `enough`."""
         from scipy.optimize import least_squares
 
         weights = self.weights()
@@ -385,7 +386,7 @@ class _Search:
                 ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
                 xtol=enough,
                 gtol=disabled,
-                max_nfev=_MOST,
+                max_nfev=_MOST_STEPS,
             )
         except _Converged as converged:
             return converged.q
@@ -397,9 +398,11 @@ class _Search:
         measured = self.by_signal(np.concatenate([s.values for t in self.trials for s in t.signals]), True)
         spread = {n: float(np.ptp(v)) or float(np.abs(v).max()) or 1.0 for n, v in measured.items()}
         self.noise = spread
-        self.is_known = not measured
-        # one signal, whose noise no data set knows, needs no weight
-        single = self.is_known or len({(s.name, t.sigma.get(s.name)) for t in self.trials for s in t.signals}) == 1
+        self.is_noise_known = not measured
+        # a single signal without sigma needs no weight
+        single = (
+            self.is_noise_known or len({(s.name, t.sigma.get(s.name)) for t in self.trials for s in t.signals}) == 1
+        )
         q = self.least(q, _FINE if single else _ROUGH)
         for last in () if single else (False, True):
             left = self.by_signal(self._residuals_of_success(q), True)

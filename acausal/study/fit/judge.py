@@ -1,4 +1,4 @@
-"""Statistics of a fit: standard deviations, correlations, and doubts about parameters."""
+"""Statistics of a fit: standard deviations, correlations, and notes on parameters that the data do not determine."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 
 _CONFIDENCE = 0.95
-# Derivatives by differences of runs are accurate to about 1e-4: columns smaller than that relative to the largest may
-# be errors, and singular values below ten times that count as zero.
+# Derivatives by differences of runs are accurate to about 1e-4: columns smaller than this fraction of the largest one
+# may be errors, and singular values below ten times this fraction count as zero.
 _NOTHING = 1e-4
 _ALIKE = 1e-3
-# Component of a parameter in an undetermined direction from which it is named.
-_SHARE = 0.05
-# Correlation above which two parameters count as hardly distinguishable.
+# A parameter is named in a note if its component in an undetermined direction exceeds this.
+_COMPONENT = 0.05
+# Two parameters with a larger correlation count as hardly distinguishable.
 _CLOSE = 0.99
-# Fewest degrees of freedom that the noise of a signal can be told from.
+# Fewer degrees of freedom do not determine the noise of a signal.
 _FEW = 0.5
-# Size of residuals relative to the data below which they are errors of the runs, and tell nothing of the model.
+# Residuals below this fraction of the data are errors of the runs, and do not test the model.
 _EXACT = 1e-8
-# Autocorrelation of successive residuals above which they are no white noise, which has about 1/sqrt(rows).
+# Residuals with a larger autocorrelation are not white noise, whose autocorrelation is about 1/sqrt(rows).
 _AUTOCORRELATION = 0.5
 
 
@@ -76,8 +76,8 @@ def judge(
     The linearised model has the covariance C (sum s_i^2 J_i'J_i) C with C = (J'J)^-1, where s_i^2 is the variance of
     the weighted noise of signal i; for a single signal this is s^2 (J'J)^-1 (Bates and Watts 1988, section 2.2).
     Undetermined directions have an infinite standard deviation. The quantiles are Student's, with the degrees of
-    freedom of a sum of variances (Satterthwaite, Biometrics Bulletin 2, 1946): many rows of one signal do not tell the
-    noise of another.
+    freedom of a sum of variances (Satterthwaite, Biometrics Bulletin 2, 1946), because many rows of one signal do not
+    determine the noise of another.
     """
     from scipy.stats import t as student
 
@@ -94,10 +94,10 @@ def judge(
     variance, freedom, unclear = _variance(residuals, left[:, is_determined], part, noisy)
     covariance[effective[:, None], effective] = variance
     is_undetermined = has_no_effect.copy()
-    is_undetermined[effective] = (np.abs(right[~is_determined]) > _SHARE).any(axis=0)
+    is_undetermined[effective] = (np.abs(right[~is_determined]) > _COMPONENT).any(axis=0)
     std = np.sqrt(np.diag(covariance))
-    both = np.outer(std, std)
-    correlation = np.where(both > 0.0, covariance / np.where(both > 0.0, both, 1.0), np.eye(n))
+    products = np.outer(std, std)
+    correlation = np.where(products > 0.0, covariance / np.where(products > 0.0, products, 1.0), np.eye(n))
     std[is_undetermined] = np.inf
     correlation[is_undetermined, :] = correlation[:, is_undetermined] = np.nan
     covariance[is_undetermined, :] = covariance[:, is_undetermined] = np.nan
@@ -108,8 +108,8 @@ def judge(
     value = q * unknown.scale
     names = np.array(unknown.names)
     notes = (
-        *(f"{name} does not change the measured signals: what was found is arbitrary" for name in names[has_no_effect]),
-        *(_only_combined(names[effective][np.abs(direction) > _SHARE]) for direction in right[~is_determined]),
+        *(f"{name} does not change the measured signals: its estimate is arbitrary" for name in names[has_no_effect]),
+        *(_only_combined(names[effective][np.abs(direction) > _COMPONENT]) for direction in right[~is_determined]),
         *_close(correlation, unknown.names),
         *_at_limit(value, unknown),
         *unclear,
@@ -132,26 +132,26 @@ def _variance(
     covariance, spread, notes = np.zeros((n, n)), np.zeros(n), []
     for name, rows in noisy.items():
         is_known[rows] = False
-        # the rows less the share of the parameters that they determine: the trace of their block of I - left left'
+        # number of rows less the number of parameters that they determine: the trace of their block of I - left left'
         freedom = len(rows) - float(np.sum(left[rows] ** 2))
         if freedom < _FEW:
-            notes.append(f"{name} has too few values to tell its noise: give its sigma")
+            notes.append(f"{name} has too few values to determine its noise: give its sigma")
         freedom = max(freedom, _FEW / 10.0)
-        own = part @ (left[rows].T @ left[rows]) @ part.T * float(residuals[rows] @ residuals[rows]) / freedom
-        covariance += own
-        spread += np.diag(own) ** 2 / freedom
+        term = part @ (left[rows].T @ left[rows]) @ part.T * float(residuals[rows] @ residuals[rows]) / freedom
+        covariance += term
+        spread += np.diag(term) ** 2 / freedom
     covariance += part @ (left[is_known].T @ left[is_known]) @ part.T
     with np.errstate(divide="ignore", invalid="ignore"):
         return covariance, np.where(spread > 0.0, np.diag(covariance) ** 2 / spread, np.inf), notes
 
 
 def _only_combined(names: Iterable[str]) -> str:
-    return f"only a combination of {', '.join(names)} shows in the measured signals: give one of them its value"
+    return f"only a combination of {', '.join(names)} affects the measured signals: fix the value of one of them"
 
 
 def _close(correlation: Vector, names: tuple[str, ...]) -> list[str]:
     return [
-        f"{names[i]} and {names[k]} are hardly told apart by the data: their correlation is {correlation[i, k]:.4f}"
+        f"the data hardly distinguish {names[i]} and {names[k]}: their correlation is {correlation[i, k]:.4f}"
         for i in range(len(names))
         for k in range(i)
         if abs(correlation[i, k]) > _CLOSE
@@ -162,7 +162,7 @@ def _at_limit(value: Vector, unknown: Unknowns) -> list[str]:
     near = 1e-6 * unknown.scale
     rows = zip(unknown.names, value - unknown.low <= near, unknown.high - value <= near, strict=True)
     return [
-        f"{n} is at its {'lower' if low else 'upper'} limit: no interval holds there"
+        f"{n} is at its {'lower' if low else 'upper'} limit: its interval is not valid there"
         for n, low, up in rows
         if low or up
     ]
@@ -175,7 +175,7 @@ def _autocorrelated(by_signal: Mapping[str, tuple[Vector, float]]) -> list[str]:
         is_exact = power <= len(r) * (_EXACT * size) ** 2
         if len(r) > 20 and not is_exact and float(r[1:] @ r[:-1]) / power > _AUTOCORRELATION:
             found.append(
-                f"the residuals of {name} are no noise but follow one another: the model lacks something, and the "
+                f"the residuals of {name} are not noise but correlated in time: the model lacks an effect, and the "
                 "intervals are too narrow"
             )
     return found

@@ -31,7 +31,7 @@ def fit_picture(fit: Fit, file: str | Path | None = None) -> Figure:
     names = list(fit.rms)
     if len(names) > _MOST:
         raise UsageError(
-            "AC016", f"{len(names)} signals are too many for one picture", help="acausal.compare, by signal"
+            "AC016", f"{len(names)} signals are too many for one plot", help="use acausal.compare, signal by signal"
         )
     with matplotlib.rc_context(STYLE):
         drawing = Drawing(figsize=(max(7.4, 4.6 * len(names)), 5.4), layout="constrained")

@@ -27,9 +27,9 @@ from acausal.simulate.options import parameter_vector
 from acausal.simulate.run import simulate
 from acausal.study.fit.dataset import Dataset, Measured, columns_of, measured
 
-# A signal jumps at an event if it changes by more than this share of its range.
+# A signal jumps at an event if it changes by more than this fraction of its range.
 _JUMP = 1e-6
-# Share of a run in which two times are one.
+# Two times coincide if they differ by less than this fraction of the run.
 _CLOSE = 1e-9
 
 
@@ -45,7 +45,7 @@ class Trial:
     options: Mapping[str, Any]
     first: tuple[Mapping[str, float], TrialRun]  # guessed values, and the run with them
     wanted: tuple[Output, ...] | None  # the signals, if runs are differentiated
-    rows: Vector | None  # [s] where runs that are differentiated have rows, if no grid meets the data
+    rows: Vector | None  # times of the rows [s] of differentiated runs, if no grid contains those of the data
 
     def run(self, values: Mapping[str, float]) -> Result:
         """Simulate the experiment with these values of the free parameters."""
@@ -65,10 +65,10 @@ class Trial:
         return np.concatenate([compared(trial_run.result, s.times, s.name) - s.values for s in self.signals])
 
     def derivatives(self, trial_run: TrialRun) -> Vector | None:
-        """Derivatives of the residuals by the free parameters, shape (rows, n); None if there are only differences."""
+        """Derivatives of the residuals by the free parameters, shape (rows, n); None if the run has none."""
         if trial_run.differentiated is None:
             return None
-        # the time of a jump moves with parameters, which derivatives at given times do not follow
+        # the time of a jump moves with parameters, which derivatives at fixed times do not include
         if any(jumps(trial_run.result, s.times, s.name) for s in self.signals):
             return None
         times = np.unique(np.concatenate([s.times for s in self.signals]))
@@ -94,16 +94,17 @@ def _run_trial(
     wanted: tuple[Output, ...] | None,
     rows: Vector | None,
 ) -> TrialRun:
-    own = {**parameters, **values}
-    differentiated = None if wanted is None else differentiated_run(compiled, own, options, tuple(values), wanted, rows)
-    result = simulate(compiled, parameters=own, **options) if differentiated is None else differentiated.result
+    every = {**parameters, **values}
+    names = tuple(values)
+    differentiated = None if wanted is None else differentiated_run(compiled, every, options, names, wanted, rows)
+    result = simulate(compiled, parameters=every, **options) if differentiated is None else differentiated.result
     stop = options["stop_time"]
     if result.time[-1] < stop - 1e-9 * np.ptp(result.time):
         raise RunError(
             "AC011",
-            f"the run of {compiled.name} ends itself at {result.time[-1]:g} s, the data end at {stop:g} s",
+            f"the model {compiled.name} terminates its run at {result.time[-1]:g} s, but the data end at {stop:g} s",
             evidence=[f"{name} = {value:.6g}" for name, value in values.items()],
-            help="begin with other values, or leave out what was measured later",
+            help="start with other values, or leave out the later data",
         )
     return TrialRun(result, differentiated)
 
@@ -123,7 +124,7 @@ def trial_of(
     columns = columns_of(dataset)
     name = dataset.name or (str(dataset.data) if isinstance(dataset.data, str) else f"data set {number + 1}")
     if not columns:
-        raise UsageError("AC055", f"{name} holds no measurement", help="{'mass.s': (times, values)}")
+        raise UsageError("AC055", f"{name} contains no measurement", help="give {'mass.s': (times, values)}")
     measurements = {n: c for n, c in columns.items() if n not in compiled.inputs}
     begin = compiled.flat.experiment.start_time
     last = max(float(c.times[-1]) for c in columns.values())
@@ -163,17 +164,17 @@ def trial_of(
 
 
 def _interval(times: list[Vector], begin: float) -> float | None:
-    """Output interval [s] that meets every row, so that nothing is interpolated; None if there is none."""
+    """Output interval [s] of a grid that contains all times, so that nothing is interpolated; None if there is none."""
     for t in times[:1]:
         step = float(np.diff(t).min())
-        places = [(u - begin) / step for u in times] if step > 0.0 else []
-        if places and all(np.abs(p - np.round(p)).max() < 1e-6 for p in places):
+        positions = [(u - begin) / step for u in times] if step > 0.0 else []
+        if positions and all(np.abs(p - np.round(p)).max() < 1e-6 for p in positions):
             return step
     return None
 
 
 def _rows(times: list[Vector], begin: float, last: float) -> Vector:
-    """Rows [s] that meet the data where no grid does: to integrate again up to each of them costs ten runs."""
+    """Times of rows [s] that include those of the data, if no grid does: integrating up to each would cost ten runs."""
     found = np.unique(np.concatenate([[begin], *times, [last]]))
     return np.asarray(found[np.diff(found, prepend=-np.inf) > _CLOSE * (last - begin)])
 
@@ -188,7 +189,7 @@ class DifferentiatedRun:
     def derivatives(self, times: Vector) -> Vector | None:
         """Derivatives of the signals by the parameters, shape (times, signals, parameters); None if not available."""
         try:
-            refuse_two_sided(self.chain)  # finite differences are better there
+            refuse_two_sided(self.chain)  # at such a point, finite differences are better
             found = self.chain.trajectory(times, self._states)
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
             return None
@@ -196,7 +197,7 @@ class DifferentiatedRun:
 
     @property
     def is_fast(self) -> bool:
-        """Whether derivatives need only compiled steps, or none."""
+        """Whether the derivatives need compiled steps only, or none."""
         try:
             return self.chain.is_fast()
         except (AcausalError, RuntimeError, np.linalg.LinAlgError):
@@ -208,7 +209,7 @@ class DifferentiatedRun:
 
 
 def signals_of(compiled: CompiledModel, names: Sequence[str]) -> list[Output] | None:
-    """The signals, if runs can be differentiated; None if only differences are possible."""
+    """The signals, if runs can be differentiated, else None."""
     try:
         wanted = named_outputs(compiled, names)
         check(compiled, SENSITIVITIES, wanted)
@@ -226,12 +227,12 @@ def differentiated_run(
     wanted: Sequence[Output],
     rows: Vector | None = None,
 ) -> DifferentiatedRun | None:
-    """The run with its linear maps; None for varying inputs, or if this run fails, as a plain one might not.
+    """The run with its linear maps; None for varying inputs, or if this run fails (a plain one may still succeed).
 
-    It has `rows` [s] instead of those of a grid, if they are given.
+    Its output times are `rows` [s], if given, instead of those of a grid.
     """
-    own = {k: v for k, v in options.items() if k != "inputs"}
-    chosen = run_options(compiled.flat.experiment, **own)
+    without_inputs = {k: v for k, v in options.items() if k != "inputs"}
+    chosen = run_options(compiled.flat.experiment, **without_inputs)
     p = parameter_vector(compiled, parameters)
     if not choices_hold_for(compiled, p.tolist()):
         return None
@@ -243,15 +244,15 @@ def differentiated_run(
         result = run.result()
     except RunError:
         return None
-    places = [compiled.parameters.index(name) for name in names]
-    return DifferentiatedRun(result, Chain(run, places, wanted, chosen.tolerance))
+    indices = [compiled.parameters.index(name) for name in names]
+    return DifferentiatedRun(result, Chain(run, indices, wanted, chosen.tolerance))
 
 
 def jumps(result: Result, times: Vector, name: str) -> dict[int, Vector]:
-    """(Value before, value after) the jump of a run that belongs to a jump of the data, by the first row of the latter.
+    """(Value before, value after) of the jump of the run for each jump of the data, by the index of its first row.
 
-    A jump of the data, times of shape (k,), is two rows with one time. That of the run is the nearest event between the
-    neighbouring rows at which the signal jumps: it lies elsewhere where its time depends on parameters.
+    A jump of the data, times of shape (k,), is two rows with equal times. The corresponding jump of the run is the
+    nearest event between the neighbouring rows at which the signal jumps; its time differs if it depends on parameters.
     """
     found: dict[int, Vector] = {}
     doubles = np.flatnonzero(np.diff(times) == 0.0).tolist()
@@ -271,7 +272,7 @@ def jumps(result: Result, times: Vector, name: str) -> dict[int, Vector]:
 
 
 def compared(result: Result, times: Vector, name: str) -> Vector:
-    """Values of a signal to compare with data at `times`, shape (k,): jumps with jumps, all else at its time."""
+    """Values of a signal to compare with data at `times`, shape (k,); jumps are compared with jumps of the data."""
     found = at(result, times, name).copy()
     for k, jump in jumps(result, times, name).items():
         found[[k, k + 1]] = jump
@@ -279,17 +280,17 @@ def compared(result: Result, times: Vector, name: str) -> Vector:
 
 
 def at(result: Result, times: Vector, name: str) -> Vector:
-    """Values of a signal at `times`, shape (k,); rows within rounding are reused, as interpolation costs three runs."""
+    """Values of a signal at `times`, shape (k,), from rows up to rounding, because interpolation costs three runs."""
     if len(result.time) < 2:
         return np.asarray(result.at(times, name))
     tiny = _CLOSE * float(np.ptp(result.time))
     right = np.clip(np.searchsorted(result.time, times), 1, len(result.time) - 1)
     nearest = np.where(times - result.time[right - 1] < result.time[right] - times, right - 1, right)
     near = np.abs(result.time[nearest] - times) <= tiny
-    # at an event two rows have one time: `result.at` chooses the one after it
-    apart = np.diff(result.time, prepend=-np.inf, append=np.inf)
-    alone = (apart[:-1] > 2 * tiny) & (apart[1:] > 2 * tiny)
-    near &= alone[nearest]
+    # at an event two rows have equal times: `result.at` chooses the one after it
+    gaps = np.diff(result.time, prepend=-np.inf, append=np.inf)
+    is_single = (gaps[:-1] > 2 * tiny) & (gaps[1:] > 2 * tiny)
+    near &= is_single[nearest]
     found = np.asarray(result[name])[nearest]
     if not near.all():
         found = found.copy()

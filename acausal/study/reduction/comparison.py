@@ -73,12 +73,12 @@ class Comparison:
                 if value is not None:
                     yield f"  {name} is ahead by up to {value:.2g} (estimated)"
             if unknown := [name for name, value in lags.items() if value is None]:
-                yield f"  no estimate for {', '.join(unknown)}: among the outputs they would have one"
+                yield f"  no estimate for {', '.join(unknown)}: add them to the outputs to get one"
             slowest = self.estimate["slowest"]
             if slowest > 0:
-                yield f"  the modes left out decay within {slowest:.2g} s"
+                yield f"  the modes left out have time constants of at most {slowest:.2g} s"
             else:
-                yield "  some mode left out grows: its quasi-static limit is not one of the full model"
+                yield "  a mode left out grows: the full model does not approach this quasi-static limit"
 
 
 def compare_runs(
@@ -129,8 +129,8 @@ def compare_runs(
 def error_of(full: Result, reduced: Result, name: str, called: str | None = None) -> OutputError:
     """The largest difference of one output at common times; `called` is its name in the full result.
 
-    Events that both runs have at one time, such as samples, are compared before and after; a time at which only one of
-    them has an event, is not. All is nan without a common time.
+    Events that both runs have at the same time, such as samples, are compared before and after; a time at which only
+    one of them has an event is left out. Everything is nan without a common time.
     """
     times = _comparable_times(full, reduced)
     if not len(times):
@@ -144,13 +144,13 @@ def error_of(full: Result, reduced: Result, name: str, called: str | None = None
     difference = np.where(absent, 0.0, np.abs(a - b))
     k = int(np.argmax(difference))
     worst, size = float(difference[k]), float(np.nanmax(np.abs(a), initial=0.0))
-    # an output that is zero but for rounding has no relative error
+    # an output that is zero up to rounding errors has no relative error
     relative = worst / size if size > _ROUNDING else worst
     return OutputError(name, worst, relative, float(times[k % len(times)]))
 
 
 def _comparable_times(one: Result, other: Result) -> Vector:
-    """Times that occur in both results, once in each or as an event in each, shape (n,)."""
+    """Times that occur once in both results, or as an event in both, shape (n,)."""
     (values, count), (others, count_of_other) = (np.unique(r.time, return_counts=True) for r in (one, other))
     common, i, k = np.intersect1d(values, others, assume_unique=True, return_indices=True)
     return np.asarray(common[(count[i] > 1) == (count_of_other[k] > 1)])

@@ -1,7 +1,7 @@
-"""Lag of states that a reduction puts at their quasi-static limit, estimated from the reduced run alone.
+"""Lag of states that a reduction replaces by their quasi-static limit, estimated from the reduced run alone.
 
-With x' = f(x, y) and J = df/dx the state lags behind its limit x0(y) by J^-1 dx0/dt, to first order in the slowest time
-constant of its modes, -1 / max Re eig(J).
+With x' = f(x, y) and J = df/dx, the state lags behind its limit x0(y) by J^-1 dx0/dt, to first order in the slowest
+time constant of its modes, -1 / max Re eig(J).
 
 Source: P. Kokotovic, H. Khalil, J. O'Reilly, Singular Perturbation Methods in Control (1986), chapter 1.
 """
@@ -25,7 +25,8 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
     """Largest lag of every fast state by name, and the slowest of their time constants [s]; None without fast states.
 
     Lags are None if the reduced run lacks a variable needed to compute them. The time constant is -1 if a mode grows.
-    Modes are evaluated at each point of the run. The lag after an event, up to the jump of the limit, is not included.
+    Modes are evaluated at up to 400 points of the run. The lag after an event, as large as the jump of the limit, is
+    not included.
     """
     selection = reduced.selection
     fast = [item.name for item in selection.left if item.kind == "quasi-static"] if selection is not None else []
@@ -42,9 +43,9 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
     p = np.array(full.parameter_values)
     u = np.array([_value(result, name) for name in full.inputs]).reshape(len(full.inputs), count)
     # variables on which no output depends are not in the reduced result
-    known = np.array([name in result for name in names[: len(full.states)]])
+    present = np.array([name in result for name in names[: len(full.states)]])
     needed = np.array(ca.DM(jacobian.jac_sparsity(0, 1), 1.0)).any(axis=0)
-    is_known = bool(known[rows].all() and not (needed & ~known).any())
+    is_computable = bool(present[rows].all() and not (needed & ~present).any())
     worst = np.zeros(len(rows))
     slowest = 0.0
     for k in points:
@@ -56,12 +57,12 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
         worst = np.maximum(worst, np.abs(np.linalg.solve(J, rates[:, k])))
         decay = -float(np.max(np.linalg.eigvals(J).real))
         slowest = -1.0 if decay <= 0.0 or slowest < 0.0 else max(slowest, 1.0 / decay)
-    lags = {full.states[r]: float(w) if is_known else None for r, w in zip(rows, worst, strict=True)}
+    lags = {full.states[r]: float(w) if is_computable else None for r, w in zip(rows, worst, strict=True)}
     return {"states": lags, "slowest": slowest}
 
 
 def _value(result: Result, name: str) -> Vector:
-    """A trajectory, shape (n,); zero for variables left out, on which no output depends."""
+    """A trajectory, shape (n,); zero for variables that were left out because no output depends on them."""
     return np.asarray(result[name]) if name in result else np.zeros(len(result.time))
 
 

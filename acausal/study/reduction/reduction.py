@@ -1,4 +1,4 @@
-"""`acausal.reduce`: the smallest model that gives the wanted outputs, and a report on its reduction."""
+"""`acausal.reduce`: the smallest model that computes the requested outputs, and a report on the reduction."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from acausal.study.reduction.comparison import Comparison, compare_runs
 class Counts:
     """Size of a model."""
 
-    equations: int  # scalar equations, for the full model as composed, for the reduced one those left
+    equations: int  # scalar equations: of the full model as composed, of the reduced one those that remain
     solved: int  # equations evaluated in a run or for its outputs
     # Integrated states, and algebraic variables, which are iterated in every step.
     states: int
@@ -51,7 +51,7 @@ class Reduction:
     Attributes
     ----------
     outputs, constant
-        Full names of the wanted outputs, and of the constant ones among them.
+        Full names of the requested outputs, and of the constant ones among them.
     compiled, full
         The reduced and the full model.
     before, after
@@ -123,14 +123,14 @@ class Reduction:
         yield f"  {'':14}{'full':>8}{'reduced':>10}"
         for key in before:
             yield f"  {key.replace('_', ' '):14}{before[key]:8d}{after[key]:10d}"
-        yield "  states left: " + (_name_list(self.compiled.states, 12) or "none")
+        yield "  states that remain: " + (_name_list(self.compiled.states, 12) or "none")
         for kind in self.kinds:
             yield f"  {_TITLES[kind]}"
             yield from _by_reason([item for item in self.dropped if item.kind == kind])
         if self.constant:
             yield f"  never change: {_name_list(self.constant)}"
         if len(self.islands) > 1:
-            yield f"  {len(self.islands)} islands that can be solved apart:"
+            yield f"  {len(self.islands)} islands that can be solved separately:"
             yield from (f"    {_name_list(i.outputs)}: {_name_list(i.states, 6)}" for i in self.islands)
         if self.comparison is not None:
             yield from self.comparison.lines()
@@ -139,7 +139,7 @@ class Reduction:
 
 _TITLES = {
     "parameter": "parameters made numbers",
-    "contact": "contacts that cannot come about",
+    "contact": "contacts that cannot occur",
     "motionless": "states that never move",
     "relation": "relations that never switch",
     "quasi-static": "states in their quasi-static limit",
@@ -163,7 +163,7 @@ def reduce(
     repeat: int = 5,
     **options: Any,
 ) -> Reduction:
-    """Find the smallest model that gives `outputs`, and compare it with the full one.
+    """Find the smallest model that computes `outputs`, and compare it with the full one.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def reduce(
     parameters
         Values by path, as in `acausal.compile`.
     compare
-        Whether to run both models: times are the shortest of `repeat` runs, errors the largest differences of outputs.
+        Whether to run both models: times are the shortest of `repeat` runs, errors the largest differences in outputs.
     options
         Options of these runs, as in `acausal.simulate`: stop_time, tolerance, solver, inputs, ...
 
@@ -187,8 +187,8 @@ def reduce(
     AcausalError
         Any error of the model.
     """
-    own = {lasting: name for name, lasting in lasting_names(model).items()}
-    outputs = [renamed(name, own) for name in outputs]
+    name_of = {lasting: name for name, lasting in lasting_names(model).items()}
+    outputs = [renamed(name, name_of) for name in outputs]
     full = compile(model, parameters=parameters, formulation=formulation)
     refuse_delays(full.flat, "reduce", "simulate it whole, or " + PADE)
     compiled = compile(
@@ -225,7 +225,7 @@ def _comparison(
     repeat: int,
     options: Mapping[str, Any],
 ) -> Comparison:
-    """Comparison of both models; a scene with changing contacts runs in pieces, once, with lasting contact names."""
+    """Comparison of both models; a scene with changing contacts runs once, in pieces, with lasting contact names."""
     if not changing(model):
         return compare_runs(full, compiled, compiled.asked, repeat, options)
     names = lasting_names(model)
@@ -249,7 +249,7 @@ def counts(compiled: CompiledModel, equations: int | None = None) -> Counts:
 
 
 def _effective_parameters(compiled: CompiledModel) -> set[int]:
-    """Free parameters that any evaluated expression depends on."""
+    """Free parameters on which any evaluated expression depends."""
     solution = compiled.solution
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + [*solution.residuals, *reduced.event_nodes]
@@ -280,7 +280,7 @@ def _hints(
     before, after = counts(compiled), counts(smaller)
     if after.states < before.states or after.operations < 0.8 * before.operations:
         return (
-            f"with its zero parameters as numbers (freeze {ZEROS}) the model has {after.states} states "
+            f"with its zero parameters made constant (freeze {ZEROS}) the model has {after.states} states "
             f"and {after.operations} operations",
         )
     return ()
@@ -302,32 +302,32 @@ def _by_reason(items: Sequence[Left]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Island:
-    """Outputs, and the states on which only they depend."""
+    """Outputs, and the states on which no other outputs depend."""
 
     outputs: tuple[str, ...]
     states: tuple[str, ...]
 
 
 def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ...]:
-    """Groups of outputs without common states and algebraic variables; outputs without any are in the first.
+    """Groups of outputs without common states and algebraic variables; outputs that depend on none are in the first.
 
-    Models with events are one island, because an event in one part stops the integration of all.
+    A model with events is one island, because an event in one part interrupts the integration of all parts.
     """
     solution = compiled.solution
     reduced = solution.structure.reduced
     depends = dependence(solution)
     dynamic = {*solution.structure.states, *solution.algebraic}
-    behind: dict[str, frozenset[int]] = {}
+    needed: dict[str, frozenset[int]] = {}
     scalars = output_scalars(reduced.flat, outputs)
     for name, scalar in scalars.items():
         found = depends.closure(solution, reduced.pool.variables_in(reduced.image[scalar])) & dynamic
         if found:
-            behind[name] = frozenset(found)
-    names = list(behind)
+            needed[name] = frozenset(found)
+    names = list(needed)
     sets = UnionFind(len(names))
     owner: dict[int, int] = {}
     for k, name in enumerate(names):
-        for v in behind[name]:
+        for v in needed[name]:
             sets.union(k, owner.setdefault(v, k))
     if compiled.state_events.clauses:
         for k in range(1, len(names)):
@@ -336,25 +336,25 @@ def islands(compiled: CompiledModel, outputs: Sequence[str]) -> tuple[Island, ..
     for k, name in enumerate(names):
         groups.setdefault(sets.find(k), []).append(name)
     constant = compiled.selection.constant if compiled.selection is not None else ()
-    for group in list(groups.values())[:1]:  # what follows from time and inputs alone is computed beside any of them
-        group += [name for name in scalars if name not in behind and name not in constant]
+    for group in list(groups.values())[:1]:  # outputs of time and inputs alone can be computed in any of them
+        group += [name for name in scalars if name not in needed and name not in constant]
     found_islands = []
     for group in groups.values():
-        own = frozenset().union(*(behind[name] for name in group if name in behind))
-        states = tuple(reduced.name(x) for x in solution.structure.states if x in own)
+        variables = frozenset().union(*(needed[name] for name in group if name in needed))
+        states = tuple(reduced.name(x) for x in solution.structure.states if x in variables)
         found_islands.append(Island(tuple(group), states))
     return tuple(found_islands)
 
 
 def simulate_islands(compiled: CompiledModel, parts: Sequence[Island], options: Mapping[str, Any]) -> Result:
-    """A separate run of every island, joined into one result."""
+    """Simulate every island separately, and join the runs into one result."""
     if len(parts) < 2:
         return simulate(compiled, **options)
     flat = compiled.flat
     results = []
     for part in parts:
-        own = restrict(compiled.solution, tuple(output_scalars(flat, part.outputs).values()))
-        results.append(simulate(replace(lower(own), selection=compiled.selection), **options))
+        restricted = restrict(compiled.solution, tuple(output_scalars(flat, part.outputs).values()))
+        results.append(simulate(replace(lower(restricted), selection=compiled.selection), **options))
     return _join(results)
 
 
@@ -378,16 +378,16 @@ def _join(results: Sequence[Result]) -> Result:
 
 def _union(times: Sequence[Vector]) -> Vector:
     """Union of sorted times, shape (n,), each as often as in the run in which it occurs most often."""
-    most: dict[float, int] = {}
-    for one in times:
-        values, count = np.unique(one, return_counts=True)
+    multiplicity: dict[float, int] = {}
+    for run_times in times:
+        values, count = np.unique(run_times, return_counts=True)
         for t, n in zip(values.tolist(), count.tolist(), strict=True):
-            most[t] = max(most.get(t, 0), n)
-    return np.array([t for t in sorted(most) for _ in range(most[t])])
+            multiplicity[t] = max(multiplicity.get(t, 0), n)
+    return np.array([t for t in sorted(multiplicity) for _ in range(multiplicity[t])])
 
 
 def _rows(result: Result, time: Vector) -> Vector:
-    """Rows of a result, shape (n, columns), at times that include its own, those of its events twice."""
+    """Rows of a result, shape (n, columns), at times that include its own (those of its events twice)."""
     rows = np.empty((len(time), result.matrix.shape[1]))
     k, between = -1, []
     for i, t in enumerate(time):

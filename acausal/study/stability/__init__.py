@@ -1,1 +1,1 @@
-"""Where methods fail on a model, and why: eigenvalues along a run, largest steps, a verdict."""
+"""Which methods fail on a model, and why: eigenvalues along a run, largest stable steps, a verdict."""

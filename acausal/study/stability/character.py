@@ -1,4 +1,4 @@
-"""Characterisation of a run by numbers: stiffness, oscillations, and their time scales."""
+"""Characteristics of a run: stiffness, oscillations, and their time scales."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Trajectory
 
 FAST = 30.0
-"""A mode is fast when it is this many times faster than the solution changes."""
+"""A mode is fast if it is this many times faster than the solution changes."""
+# Damping ratios below which an oscillation counts as weakly damped, and as undamped.
 _WEAK = 0.1
 _UNDAMPED = 0.02
 
@@ -24,7 +25,7 @@ class Character:
     """Numbers on which the verdict is based."""
 
     fastest: Mode | None  # the mode of largest |eigenvalue|; None without dynamic states
-    stiffness_ratio: float  # largest max|Re|/min|Re| of decaying modes over all points; 1 with fewer than two
+    stiffness_ratio: float  # largest max|Re|/min|Re| of decaying modes over all points; 1 for fewer than two modes
     stiffness: float  # median over the run of the fastest decaying |eigenvalue| / rate of the solution
     explicit_steps: float  # steps that stability alone requires of the explicit pair 5(4) over the run
     steps: float  # steps that the run took
@@ -71,7 +72,7 @@ def _decaying(modes: Complex) -> Complex:
 
 def _ratio(modes: Complex) -> float:
     sizes = np.abs(_decaying(modes).real)
-    # eigenvalues within rounding of zero are no slow modes
+    # eigenvalues that are zero up to rounding are not slow modes
     sizes = sizes[sizes > 1e-14 * np.max(np.abs(modes), initial=0.0)]
     return float(sizes.max() / sizes.min()) if len(sizes) > 1 else 1.0
 
@@ -84,9 +85,9 @@ def _weak(local: Local, damping: float) -> list[complex]:
 
 
 def _dominant(run: Trajectory, found: Sequence[tuple[Local, complex]]) -> tuple[Mode | None, float]:
-    """(Fastest of the modes, number of periods), if they exist for a twentieth of the run or ten periods.
+    """(Fastest of the modes, number of periods), if they exist for a twentieth of the run or ten periods; else None.
 
-    The frequency changes along a run, so each point counts for the time that it represents.
+    The frequency changes along a run; therefore each point counts for the time that it represents.
     """
     best: dict[float, tuple[Local, complex]] = {}
     for local, v in found:

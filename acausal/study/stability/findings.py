@@ -16,15 +16,15 @@ from acausal.study.stability.structure import Facts
 from acausal.study.stability.trajectory import Trajectory
 
 _LONGEST = 90
-# Growth of errors from which it is reported.
+# A larger growth of errors is reported.
 _MUCH = 100.0
-# Below this magnitude a state suffers from an absolute tolerance chosen for 1.
+# For a state of smaller magnitude, an absolute tolerance chosen for 1 is too loose.
 _SMALL = 0.05
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding: its kind, the fact, the remedy, and `avoid`, (method, reason) pairs it argues against."""
+    """One finding: its kind, the fact, the remedy, and `avoid`, the (method, reason) pairs that it rules out."""
 
     kind: str
     fact: str
@@ -58,13 +58,13 @@ def findings(
 def _failed(run: Trajectory) -> Finding | None:
     if run.failure is None and run.failed:
         shown = ", ".join(f"{solver} at t = {t:.6g} s" for solver, t in run.failed)
-        return Finding("failed", f"other solvers gave up: {shown}", "the equations are singular or kinked there")
+        return Finding("failed", f"other solvers failed: {shown}", "the equations are singular or have a kink there")
     if run.failure is None:
         return None
     return Finding(
         "failed",
         f"the run ended at t = {run.result.time[-1]:.6g} s: {run.failure.code}, {run.failure.fact}",
-        "the numbers here hold up to that time; see the error",
+        "these results are valid up to that time; see the error",
     )
 
 
@@ -75,13 +75,13 @@ def _constraints(run: Trajectory, facts: Facts) -> Finding | None:
     more = f" and {len(facts.constraints) - 3} more" if len(facts.constraints) > 3 else ""
     if facts.stabilised:
         remedy = (
-            f"no fixed choice of states is safe: {facts.stabilised} levels are kept by stabilisation, "
-            f"which decay at about {run.p[-1]:.3g} 1/s, and recorded points are projected onto them"
+            f"no fixed choice of states is safe: {facts.stabilised} constraints of all levels are stabilised, their "
+            f"residuals decay at about {run.p[-1]:.3g} 1/s, and recorded points are projected onto them"
         )
     else:
-        remedy = "differentiated and solved for dummy derivatives: the constraint holds to rounding"
+        remedy = "differentiated and solved for dummy derivatives: the constraint holds up to rounding errors"
     avoid = (
-        ("the constraint handed to BDF as it is", f"of index {facts.index}, which no solver here integrates"),
+        ("BDF for the constraint as stated", f"of index {facts.index}, which no solver here integrates"),
         ("its second derivative alone", "the constraint drifts away, quadratically in time"),
     )
     return Finding(
@@ -101,22 +101,22 @@ def _invariants(facts: Facts) -> Finding | None:
         return None
     return Finding(
         "invariant",
-        f"{', '.join(facts.by_invariants)} follows from a linear invariant; integrated, it could be lost to rounding",
+        f"{', '.join(facts.by_invariants)} follows from a linear invariant; integrated, it could be lost in rounding",
         "it is computed from the invariant instead",
         (("all balances integrated as written", "their difference is below rounding"),),
     )
 
 
 def _events(run: Trajectory, facts: Facts) -> Finding | None:
-    """Located and not located relations in one finding, because a model can have both."""
+    """One finding on relations that are located and those that are not, because a model can have both."""
     if not facts.relations and not facts.clauses:
         return _kinks(facts)
-    located = "located on the solver's dense output" if facts.relations else "the run is cut there, to rounding"
-    avoid = [("any method across switches", "order 1 only, and what is short is stepped over, unless it locates them")]
+    located = "located on the solver's dense output" if facts.relations else "the run is divided exactly there"
+    avoid = [("any method across switches", "order 1 only, and short pulses are missed, unless it locates them")]
     rest, remedy = "", located + "; every branch is integrated smoothly"
     kinks = _kinks(facts)
     if kinks is not None:
-        rest = f"; {facts.kinks} other branches, signs, minima or maxima are no events"
+        rest = f"; {facts.kinks} other branches, signs, minima or maxima are not events"
         remedy = f"events: {located}; the others: {kinks.remedy}"
         avoid += kinks.avoid
     return Finding(
@@ -140,7 +140,7 @@ def _accumulation(run: Trajectory) -> Finding | None:
     return Finding(
         "accumulation",
         f"events follow each other ever sooner, down to {gaps[k]:.2g} s apart at t = {times[k]:.6g} s",
-        "bounces without end are taken for rest",
+        "infinitely many bounces end at rest",
         (("restarting at every event", "never passes the accumulation point"),),
     )
 
@@ -155,7 +155,7 @@ def _instants(run: Trajectory, facts: Facts) -> Finding | None:
         "time-events",
         f"sources switch at {len(facts.instants)} known times, the shortest stretch is {shortest:.3g} s"
         + (": shorter than a step of most solvers, which would miss it" if pulse else ""),
-        "the run is cut exactly there",
+        "the run is divided exactly there",
         (("a solver that has to discover the switch", "every step is longer than the pulse"),) if pulse else (),
     )
 
@@ -165,8 +165,8 @@ def _kinks(facts: Facts) -> Finding | None:
         return None
     return Finding(
         "kinks",
-        f"{facts.kinks} branches, signs, minima or maxima of variables are decided at every evaluation, not located",
-        "error control finds them by rejected steps; fixed steps fall to order 1",
+        f"{facts.kinks} branches, signs, minima or maxima of variables are evaluated in every call, not located",
+        "error control finds them by rejected steps; fixed steps have order 1 there",
         (("fixed steps across kinks", "order 1 only: no step ends where a branch changes"),),
     )
 
@@ -177,8 +177,8 @@ def _slopes(run: Trajectory, locals: Sequence[Local], undetermined: Sequence[flo
             "singular",
             f"no finite linearisation at t = {undetermined[0]:.6g} s and {len(undetermined) - 1} more points: "
             "an infinite slope, or algebraic variables that are not determined",
-            "look at the equations there: a power below 1 at zero, a square root, or a change point",
-            (("Newton's method through that point", "its matrix is singular or infinite there"),),
+            "examine the equations there: a power below 1 at zero, a square root, or a change point",
+            (("Newton's method through that point", "its Jacobian is singular or infinite there"),),
         )
     sizes = np.array([abs(local.eigenvalues[0]) for local in locals if len(local.eigenvalues)])
     typical = float(np.median(sizes)) if len(sizes) else 0.0
@@ -188,7 +188,7 @@ def _slopes(run: Trajectory, locals: Sequence[Local], undetermined: Sequence[flo
     return Finding(
         "slope",
         f"the fastest eigenvalue is {sizes.max():.3g} 1/s at t = {locals[k].point.t:.6g} s and {typical:.3g} elsewhere",
-        "a slope that grows without bound near a point; the solver must be adaptive",
+        "a slope grows without bound near a point: use an adaptive solver",
         (("fixed steps", "none is small enough there"),),
     )
 
@@ -207,7 +207,7 @@ def _singular(locals: Sequence[Local]) -> Finding | None:
         "singular",
         f"the algebraic variables are {fact}",
         "a change point or a dead centre: Newton's method may take another branch there",
-        (("Newton's method started from the last point", "it may land on the other branch"),),
+        (("Newton's method started from the last point", "it may converge to the other branch"),),
     )
 
 
@@ -216,13 +216,15 @@ def _growing(grown: Growth | None) -> Finding | None:
         return None
     digits = math.log10(grown.factor)
     if grown.keeps_digits:
-        remedy = "the solution at the time does so too, and keeps its digits"
+        remedy = "the solution grows with it, and keeps its digits"
     else:
-        remedy = f"ask for {digits:.0f} digits more than are wanted at the end, or shorten the run"
+        remedy = (
+            f"use a tolerance {digits:.0f} digits tighter than the accuracy required at the end, or shorten the run"
+        )
     return Finding(
         "growing",
         f"an error made at t = {grown.since:.4g} s grows {grown.factor:.2g} times until the end, in "
-        f"{', '.join(grown.names)}: measured on the variational equation of this run",
+        f"{', '.join(grown.names)}: computed from the variational equation of this run",
         remedy,
     )
 

@@ -18,12 +18,12 @@ _TITLES = {m.name: m.title for m in METHODS}
 
 
 def stability_picture(study: Stability, file: str | Path | None = None) -> Figure:
-    """Two panels: all eigenvalues h*lambda on symmetric logarithmic axes, and those near the origin as they are.
+    """Plot all eigenvalues h*lambda on symmetric logarithmic axes, and those near the origin on linear ones.
 
     Raises
     ------
     UsageError
-        AC013 for a suffix that names no picture format.
+        AC013 for a suffix that is no picture format.
     """
     check_picture(file)
     figure = Drawing(figsize=(10.5, 5.2), layout="constrained")
@@ -62,18 +62,18 @@ def stability_picture(study: Stability, file: str | Path | None = None) -> Figur
     what = f"eigenvalues times a step of h = {study.step:.3g} s"
     if not any(len(values) for values in z):
         what = "no state has dynamics of its own, so there are no eigenvalues"
-    figure.suptitle(f"{study.model}: {what}; take {study.verdict.solver}")
+    figure.suptitle(f"{study.model}: {what}; use {study.verdict.solver}")
     save(figure, file)
     return figure
 
 
 def _regions(ax: Axes, linear: bool) -> None:
-    """The borders |R| = 1 of the explicit methods."""
+    """Draw the borders |R| = 1 of the explicit methods."""
     if linear:
         x, y = np.linspace(-6.0, 2.0, 500), np.linspace(-4.2, 4.2, 500)
     else:
-        part = np.concatenate([np.linspace(0.0, 0.1, 30)[:-1], np.geomspace(0.1, 6.0, 300)])
-        x = y = np.concatenate([-part[:0:-1], part])
+        positive = np.concatenate([np.linspace(0.0, 0.1, 30)[:-1], np.geomspace(0.1, 6.0, 300)])
+        x = y = np.concatenate([-positive[:0:-1], positive])
     grid = x[None, :] + 1j * y[:, None]
     for method in METHODS:
         if method.name in _SHOWN:

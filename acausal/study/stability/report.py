@@ -24,7 +24,7 @@ _MOST_NOTES, _LONGEST = 3, 108
 
 @dataclass(frozen=True, eq=False)
 class Stability:
-    """Where methods fail on a model, and why.
+    """Result of a stability study: which methods fail on a model, and why.
 
     Attributes
     ----------
@@ -33,11 +33,11 @@ class Stability:
     limits
         Largest stable step of every fixed-step method.
     growth
-        Growth of errors along the run; None where it cannot be measured.
+        Growth of errors along the run; None if it cannot be measured.
     bdf
         (mode, effects of BDF of order 1 to 5) for oscillating modes.
     step
-        The step [s] by which the picture scales the stability regions.
+        The step [s] by which the plot scales the eigenvalues.
     """
 
     model: str
@@ -55,11 +55,11 @@ class Stability:
     step: float
 
     def __repr__(self) -> str:
-        return f"Stability({self.model}: {self.verdict.kind}, take {self.verdict.solver})"
+        return f"Stability({self.model}: {self.verdict.kind}, use {self.verdict.solver})"
 
     @property
     def stiffness_ratio(self) -> float:
-        """Largest over the run of max|Re|/min|Re| among decaying modes."""
+        """Largest ratio max|Re|/min|Re| of decaying modes over the run."""
         return self.character.stiffness_ratio
 
     @property
@@ -130,7 +130,7 @@ class Stability:
             yield f"  note     {counted(len(notes) - _MOST_NOTES, 'more fact')} with --details"
 
     def _numbers(self) -> Iterator[str]:
-        """Measurements along the run, and every method."""
+        """Lines on measurements along the run, and on every method."""
         ch = self.character
         size = f"{counted(len(self.states), 'state')}, {counted(len(self.locals), 'point')}"
         yield f"  linear model along the run: {size}"
@@ -147,7 +147,7 @@ class Stability:
         return "\n".join(self.lines())
 
     def plot(self, file: str | Path | None = None) -> object:
-        """Eigenvalues in the complex plane with the methods' stability regions at `step`; a matplotlib figure."""
+        """Plot eigenvalues in the complex plane with the stability regions at `step`; returns a matplotlib figure."""
         drawn: object = provided("stability_picture")(self, file)
         return drawn
 
@@ -161,7 +161,7 @@ def _name(limit: Limit) -> str:
 
 
 def _step(limit: Limit) -> str:
-    """Text of the largest stable step; for undamped modes that of the largest harmless one."""
+    """Text of the largest stable step; if undamped modes allow none, of the largest harmless one."""
     step = limit.largest_step or limit.usable_step
     return "any" if math.isinf(step) else f"{step:.3g} s"
 

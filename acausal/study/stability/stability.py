@@ -70,8 +70,8 @@ def stability(
     if solver is not None and solver_named(solver).fixed_step:
         raise UsageError(
             "AC034",
-            f"'{solver}' has fixed steps: its run says nothing about them",
-            help="idas, rosenbrock, cvodes or erk",
+            f"'{solver}' has fixed steps: its run does not show their limits",
+            help="use idas, rosenbrock, cvodes or erk",
         )
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     compiled = compiled.unchanging("stability")
@@ -82,17 +82,18 @@ def stability(
     locals, undetermined = along(run)
     ch = character(run, locals)
     error_growth = None if run.failure else _growth(run, given, options)
-    known = facts(compiled, run)
+    structure = facts(compiled, run)
     bounds = limits(run, locals, check)
     wanted = float(run.result.stats["tolerance"])  # type: ignore[arg-type]
     bdf = _oscillations(run, locals, ch, wanted * tolerance_fraction(compiled, solver_named("idas"), wanted))
-    found = findings(run, known, error_growth, locals, undetermined)
-    own_solver = str(run.result.stats["solver"])
-    judged = verdict(ch, known, bounds, _main(bdf, ch), found, len(compiled.states), run.span, own_solver, run.failed)
-    own = step or compiled.flat.experiment.step
+    found = findings(run, structure, error_growth, locals, undetermined)
+    run_solver = str(run.result.stats["solver"])
+    n, main = len(compiled.states), _main(bdf, ch)
+    judged = verdict(ch, structure, bounds, main, found, n, run.span, run_solver, run.failed)
+    declared_step = step or compiled.flat.experiment.step
     return Stability(
         model=compiled.name,
-        solver=own_solver,
+        solver=run_solver,
         tolerance=wanted,
         span=run.span,
         states=compiled.states[: len(compiled.states) - compiled.discretes],
@@ -101,21 +102,21 @@ def stability(
         growth=error_growth,
         limits=bounds,
         bdf=bdf,
-        facts=known,
+        facts=structure,
         verdict=judged,
-        step=own or _plot_step(bounds, ch),
+        step=declared_step or _plot_step(bounds, ch),
     )
 
 
 def _growth(run: Trajectory, parameters: Mapping[str, float] | None, options: Mapping[str, Any]) -> Growth | None:
-    """Growth of errors, unless computing it takes too long, as for many stiff and oscillating states."""
+    """Growth of errors; None if computing it takes too long, as for many stiff and oscillating states."""
     return isolated(lambda: iter([growth(run.compiled, parameters, options, run.span)]), _LONGEST).value
 
 
 def _oscillations(
     run: Trajectory, locals: Sequence[Local], ch: Character, tolerance: float
 ) -> tuple[tuple[Mode, tuple[BdfEffect, ...]], ...]:
-    """Effects of BDF on the oscillating modes at the middle of the run, that of the verdict first."""
+    """Effects of BDF on the oscillating modes at the middle of the run; the mode of the verdict comes first."""
     chosen = [m for m in (ch.oscillation, ch.ringing) if m is not None]
     if locals:
         middle = locals[len(locals) // 2]
@@ -132,7 +133,7 @@ def _main(bdf: Sequence[tuple[Mode, tuple[BdfEffect, ...]]], ch: Character) -> t
 
 
 def _plot_step(bounds: Sequence[Limit], ch: Character) -> float:
-    """Step for the plot: nine tenths of the stability limit of RK4."""
+    """Step [s] for the plot: nine tenths of the stability limit of RK4."""
     rk4 = next(limit.largest_step for limit in bounds if limit.method.name == "rk4")
     if 0.0 < rk4 < math.inf:
         return 0.9 * rk4

@@ -23,7 +23,7 @@ class Facts:
     # for a constraint that is differentiated once and affects rates only.
     index: int
     stabilised: int  # number of constraints (position and velocity level) that are stabilised and projected
-    by_invariants: tuple[str, ...]  # variables computed from a linear invariant instead of integrated
+    by_invariants: tuple[str, ...]  # variables computed from a linear invariant instead of being integrated
     relations: int  # number of relations of variables that are located as events
     clauses: int  # number of `when` clauses
     kinks: int  # number of branches, signs, minima and maxima of variables that are not located
@@ -56,9 +56,10 @@ def facts(compiled: CompiledModel, run: Trajectory) -> Facts:
 def _index(compiled: CompiledModel) -> int:
     """Structural index of the model.
 
-    Source: J. D. Pryce, A simple structural analysis method for DAEs, BIT 41 (2001) 364: the most differentiations of
-    an equation, and one more if there is a variable of which no derivative is solved for. Here that variable has to
-    depend on what was differentiated so often, through the blocks: another one does not raise the index.
+    Source: J. D. Pryce, A simple structural analysis method for DAEs, BIT 41 (2001) 364: the largest number of
+    differentiations of an equation, plus one if there is a variable of which no derivative is solved for. Here that
+    variable has to depend, through the blocks, on an equation differentiated so often; otherwise it does not raise the
+    index.
     """
     structure = compiled.solution.structure
     pool = structure.reduced.pool
@@ -80,22 +81,22 @@ def _index(compiled: CompiledModel) -> int:
 
 
 def _by_invariants(compiled: CompiledModel) -> tuple[str, ...]:
-    """Variables with a derivative in the equations that are computed from an invariant instead of integrated."""
+    """Variables with a derivative in the equations that are computed from an invariant instead of being integrated."""
     structure = compiled.solution.structure
     if structure.integral:
         return ()
     reduced = structure.reduced
-    own = reduced.flat.pool.integral_of
-    kept = set(compiled.state_variables)
+    integral_of = reduced.flat.pool.integral_of
+    states = set(compiled.state_variables)
     found = []
     for node in {
-        n for e in reduced.flat.equations for n in reduced.flat.pool.variables_in(e.left, e.right) if n in own
+        n for e in reduced.flat.equations for n in reduced.flat.pool.variables_in(e.left, e.right) if n in integral_of
     }:
-        op, *rest = reduced.pool.nodes[reduced.image[own[node]]]
+        op, *rest = reduced.pool.nodes[reduced.image[integral_of[node]]]
         if op == "neg":
             op, *rest = reduced.pool.nodes[rest[0]]
-        if op == "var" and rest[0] not in kept:
-            found.append(reduced.flat.scalar_name(own[node]))
+        if op == "var" and rest[0] not in states:
+            found.append(reduced.flat.scalar_name(integral_of[node]))
     return tuple(sorted(found))
 
 

@@ -21,7 +21,7 @@ from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.options import options as run_options
 from acausal.simulate.run import simulate
 
-# Largest number of stretches between events that get a row, and of modes added to the points.
+# Maximum number of stretches between events that get a row, and of combinations of modes added to the points.
 _MOST_STRETCHES, _MOST_MODES = 200, 20
 
 
@@ -38,7 +38,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A run, whole or up to where it failed.
+    """A run, complete or up to its failure.
 
     `p`, shape (np,), and `u`, shape (nu,), are parameters and inputs; `failure` is the error that ended the run early;
     `failed` are (solver, time [s]) of solvers that were tried before and stopped there.
@@ -67,17 +67,18 @@ def trajectory(
 ) -> Trajectory:
     """Run the model and pick `count` points: half of them evenly, half denser towards the start.
 
-    Without `solver`, that of the model is used if it is implicit and has no fixed steps, else `rosenbrock` and then
-    `idas`. A run that fails is used as far as it got. A run with events closer together than its rows is repeated with
-    a row between any two of them, because short contacts limit the steps.
+    Without `solver`, the solver of the model is used if it is implicit and has no fixed steps, else `rosenbrock` and
+    then `idas`. A run that fails is used up to its failure. A run with events closer together than its rows is repeated
+    with a row between any two of them, because short contacts limit the steps.
 
     Raises AcausalError if no solver gets beyond the start.
     """
-    own = compiled.flat.experiment.solver
+    declared = compiled.flat.experiment.solver
     first = "idas" if len(compiled.states) > 200 else "rosenbrock"
     # explicit methods do not show how many steps accuracy requires: stability may have limited theirs
-    tried = [solver] if solver else [*([own] if own in ("idas", "rosenbrock", "cvodes") else []), first, "idas"]
-    tried += ["erk"] if own == "erk" else []
+    implicit = [declared] if declared in ("idas", "rosenbrock", "cvodes") else []
+    tried = [solver] if solver else [*implicit, first, "idas"]
+    tried += ["erk"] if declared == "erk" else []
     failure: AcausalError | None = None
     result: Result | None = None
     failed = []
@@ -103,11 +104,12 @@ def trajectory(
 
 def _interval(compiled: CompiledModel, options: dict[str, Any]) -> float | None:
     """Distance of the rows [s]; an irrational fraction of the run, so as not to sample an oscillation in phase."""
-    own = compiled.flat.experiment
-    if own.output_interval is not None:
-        return own.output_interval
+    experiment = compiled.flat.experiment
+    if experiment.output_interval is not None:
+        return experiment.output_interval
     start, stop = (
-        getattr(own, name) if options.get(name) is None else options[name] for name in ("start_time", "stop_time")
+        getattr(experiment, name) if options.get(name) is None else options[name]
+        for name in ("start_time", "stop_time")
     )
     return float(stop - start) / (300.0 * 0.5 * (1.0 + math.sqrt(5.0)))
 
@@ -128,7 +130,7 @@ def _run(
 
 
 def _stretches(result: Result) -> tuple[Vector, Vector]:
-    """(Starts, ends) of the stretches between events, shape (k,), without those within rounding of time."""
+    """(Starts, ends) of the stretches between events, shape (k,), without those as short as rounding errors of time."""
     times = result.time
     edges = np.unique([times[0], times[-1], *(e.time for e in result.events if times[0] < e.time < times[-1])])
     wide = np.diff(edges) > 1e-9 * (times[-1] - times[0])
@@ -138,16 +140,16 @@ def _stretches(result: Result) -> tuple[Vector, Vector]:
 def _closer(
     compiled: CompiledModel, result: Result, parameters: Mapping[str, float] | None, options: dict[str, Any]
 ) -> Result:
-    """The run repeated with a row inside every stretch between events, if one has none."""
+    """The run, repeated with a row inside every stretch between events if one has none."""
     starts, ends = _stretches(result)
     inside = np.searchsorted(result.time, ends, "left") > np.searchsorted(result.time, starts, "right")
     empty = np.flatnonzero(~inside)[:_MOST_STRETCHES]
     if not len(empty):
         return result
     grid = np.union1d(result.time, 0.5 * (starts + ends)[empty])
-    asked = {key: value for key, value in options.items() if key != "inputs"}
-    asked |= {"solver": str(result.stats["solver"]), "stop_time": float(result.time[-1])}
-    opts = run_options(compiled.flat.experiment, **asked)
+    repeated = {key: value for key, value in options.items() if key != "inputs"}
+    repeated |= {"solver": str(result.stats["solver"]), "stop_time": float(result.time[-1])}
+    opts = run_options(compiled.flat.experiment, **repeated)
     p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, options.get("inputs") or {})
     try:
         return Run(compiled, opts, p, Inputs(u), None, outputs=grid).result()
@@ -166,7 +168,7 @@ def _rate(compiled: CompiledModel, result: Result, p: Vector, u: Vector) -> floa
 
 
 def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count: int) -> tuple[Point, ...]:
-    """`count` rows of a result as points, and one of each mode that these do not contain.
+    """`count` rows of a result as points, and one more for each combination of modes that these do not contain.
 
     `p`: shape (np,); `u`: shape (nu,).
     """
@@ -174,7 +176,7 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
     even = np.linspace(0, rows - 1, max(2, (count + 1) // 2))
     early = np.geomspace(1, rows, max(2, count // 2)) - 1
     chosen = np.unique(np.concatenate([even, early]).round().astype(int))
-    while len(chosen) < min(count, rows):  # some coincide: fill the widest gaps
+    while len(chosen) < min(count, rows):  # some rows coincide: fill the widest gaps
         k = int(np.argmax(np.diff(chosen)))
         chosen = np.insert(chosen, k + 1, (chosen[k] + chosen[k + 1]) // 2)
     while len(chosen) > count:
@@ -190,7 +192,7 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
         return Point(t, x, z, np.array(compiled.all_modes(t, x, z, u, p)).ravel(), span)
 
     found = [point(int(row), float(span)) for row, span in zip(chosen, reach, strict=True)]
-    known = {at.m.tobytes() for at in found}
+    visited = {at.m.tobytes() for at in found}
     if not compiled.state_events.relations:
         return tuple(found)
     missed: dict[bytes, list[Point]] = {}
@@ -198,8 +200,8 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
         row = (np.searchsorted(result.time, a, "right") + np.searchsorted(result.time, b, "left")) // 2
         if len(missed) < _MOST_MODES and a < result.time[row] < b:
             at = point(int(row), float(b - a))
-            if at.m.tobytes() not in known:
+            if at.m.tobytes() not in visited:
                 missed.setdefault(at.m.tobytes(), []).append(at)
-    # one point for each mode, which represents all the time in it
+    # one point for each combination of modes, which represents all the time spent in it
     found += [replace(several[0], reach=sum(at.reach for at in several)) for several in missed.values()]
     return tuple(sorted(found, key=lambda at: at.t))

@@ -13,13 +13,15 @@ from acausal.study.stability.modes.bdf import BdfEffect
 from acausal.study.stability.modes.limits import Limit
 from acausal.study.stability.structure import Facts
 
-# Ratio of explicit to implicit steps up to which an explicit method is cheaper, since it needs no matrices.
+# Up to this ratio of explicit to implicit steps an explicit method is cheaper, because it needs no matrices.
 _WORTH = 4.0
 # From this number of states IDAS is cheaper than rosenbrock (docs/devdocs/numerics.md).
 _MANY = 100
+# Number of periods from which the solution counts as an oscillation.
 _PERIODS = 5.0
-# Below this the median is meaningless: a solution at rest changes as fast as its rounding errors.
-_FELT = 5.0
+# A smaller stiffness is not reported: its median is meaningless for a solution at rest, whose rate of change consists
+# of rounding errors.
+_MEANINGFUL = 5.0
 
 
 @dataclass(frozen=True)
@@ -80,10 +82,10 @@ def verdict(
     findings: Sequence[Finding],
     states: int,
     span: float,
-    own_solver: str,
+    run_solver: str,
     failed: Sequence[tuple[str, float]] = (),
 ) -> Verdict:
-    """Choose a solver; `own_solver` made the run, the `failed` ones (solver, time [s]) did not finish it."""
+    """Choose a solver; `run_solver` made the run, the `failed` ones (solver, time [s]) did not finish it."""
     kind = kind_of(ch)
     large = states > _MANY
     by_name = {limit.method.name: limit for limit in limits}
@@ -94,16 +96,14 @@ def verdict(
     else:
         solver = "erk" if not facts.algebraic else ("idas" if large and kind == "smooth" else "rosenbrock")
         why = _gentle(kind, ch, facts)
-    gave_up = dict(failed)
-    if "rosenbrock" in gave_up and own_solver not in gave_up:
-        kind, solver = "singular", own_solver
-        when = gave_up["rosenbrock"]
-        why = [
-            f"rosenbrock gives up at t = {when:.6g} s, where the equations are singular; {own_solver} passes by chance"
-        ]
+    failure_times = dict(failed)
+    if "rosenbrock" in failure_times and run_solver not in failure_times:
+        kind, solver = "singular", run_solver
+        when = failure_times["rosenbrock"]
+        why = [f"rosenbrock fails at t = {when:.6g} s, where the equations are singular; {run_solver} passes by chance"]
     avoid = [*_explicit(kind, by_name, ch, span), *_undamping(kind, by_name, ch, span), *_multistep(kind, ch, bdf)]
-    own = [Avoided(method, None, why_not) for f in findings for method, why_not in f.avoid]
-    return Verdict(solver, kind, tuple(why), (*avoid, *own), tuple(findings))
+    ruled_out = [Avoided(method, None, why_not) for f in findings for method, why_not in f.avoid]
+    return Verdict(solver, kind, tuple(why), (*avoid, *ruled_out), tuple(findings))
 
 
 def _beyond_rounding(damping: float) -> float:
@@ -115,14 +115,14 @@ def _stiff(ch: Character, large: bool) -> list[str]:
     names = ", ".join(ch.fastest.names[:3]) or "many states"
     text = [
         f"the mode {ch.fastest.text} of {names} is {ch.stiffness:.2g} times faster than the solution changes"
-        if ch.stiffness > _FELT
+        if ch.stiffness > _MEANINGFUL
         else f"the fastest mode {ch.fastest.text} of {names} has long decayed while the run goes on",
-        f"stability asks {ch.explicit_steps:.3g} steps of an explicit method; this run took {ch.steps:.0f}",
+        f"stability requires {ch.explicit_steps:.3g} steps of an explicit method; this run took {ch.steps:.0f}",
     ]
     text.append(
-        "BDF needs few right-hand sides, and the model is large"
+        "BDF needs few evaluations, and the model is large"
         if large
-        else "L-stable: fast modes are forgotten in one step"
+        else "it is L-stable: fast modes are damped out in one step"
     )
     return text
 
@@ -133,7 +133,7 @@ def _ringing(ch: Character) -> list[str]:
     return [
         f"{names} can oscillate at {ch.ringing.text} (damping ratio {_beyond_rounding(ch.ringing.damping):.2g}), "
         "but the solution does not follow it",
-        "an L-stable one-step method damps it away and steps with the slow solution",
+        "an L-stable one-step method damps it out and steps with the slow solution",
     ]
 
 
@@ -141,7 +141,7 @@ def _gentle(kind: str, ch: Character, facts: Facts) -> list[str]:
     if kind == "static":
         between = "between events " if facts.relations or facts.clauses else ""
         return [f"{between}no state has dynamics of its own: any method integrates it exactly or nearly so"]
-    text = [f"stability asks at most {ch.explicit_steps:.3g} steps of an explicit method: the run is not stiff"]
+    text = [f"stability requires at most {ch.explicit_steps:.3g} steps of an explicit method: the run is not stiff"]
     if kind == "oscillating" and ch.oscillation is not None:
         text = [
             f"the solution is an oscillation of {', '.join(ch.oscillation.names[:3])} at {ch.oscillation.text}, "
@@ -149,9 +149,7 @@ def _gentle(kind: str, ch: Character, facts: Facts) -> list[str]:
             "order 5 keeps its amplitude where BDF damps or amplifies it",
         ]
     if facts.algebraic:
-        text.append(
-            f"{facts.algebraic} algebraic unknowns: a method for DAEs takes them without a rootfinder per stage"
-        )
+        text.append(f"{facts.algebraic} algebraic unknowns: a method for DAEs needs no rootfinder per stage")
     return text
 
 
@@ -184,7 +182,7 @@ def _undamping(kind: str, limits: dict[str, Limit], ch: Character, span: float) 
             order = "" if method.stiffly_accurate else ", and its order drops on stiff components"
             found.append(
                 Avoided(
-                    method.title, None, f"rings: {size:.4g} of a fast error is left after a step of {step:.2g} s{order}"
+                    method.title, None, f"rings: {size:.4g} of a fast error remains after a step of {step:.2g} s{order}"
                 )
             )
     return found
@@ -193,9 +191,9 @@ def _undamping(kind: str, limits: dict[str, Limit], ch: Character, span: float) 
 def _multistep(kind: str, ch: Character, bdf: Sequence[BdfEffect]) -> list[Avoided]:
     """IDAS and CVODES, where BDF damps or amplifies modes, or takes tiny steps."""
     if kind == "ringing":
-        text = "BDF of order 3 to 5 is unstable near the imaginary axis: it follows the fast oscillation step by step"
+        text = "BDF of order 3 to 5 is unstable near the imaginary axis: it has to resolve the fast oscillation"
         return [Avoided("BDF", "idas", text), Avoided("BDF", "cvodes", text)]
-    # variable order never stays at 1
+    # order 1 is left out: solvers of variable order do not stay there
     worst = [e for e in bdf if e.order > 1 and e.effect != "keeps"]
     if kind != "oscillating" or not worst:
         return []

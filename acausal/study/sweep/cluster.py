@@ -22,10 +22,10 @@ def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
     """
     distributed = package("distributed")
     if not address:
-        own = distributed.LocalCluster(
+        local = distributed.LocalCluster(
             n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
         )
-        with own, distributed.Client(own) as client:
+        with local, distributed.Client(local) as client:
             yield client.get_executor(pure=False, retries=0), workers
         return
     try:
@@ -35,7 +35,7 @@ def cluster(address: str, workers: int) -> Iterator[tuple[Executor, int]]:
             "AC063",
             f"no Dask scheduler answers at {address}",
             evidence=[str(error)],
-            help="dask scheduler starts one, dask worker HOST:PORT its workers; dask:// alone makes a cluster here",
+            help="dask scheduler starts one, dask worker HOST:PORT a worker; dask:// alone starts a cluster here",
         ) from error
     with client:
         threads = sum(client.nthreads().values())

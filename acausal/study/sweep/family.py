@@ -108,9 +108,9 @@ class Sweep:
         if name not in self._places:
             raise UsageError(
                 "AC010",
-                f"the sweep of {self.model} has kept no signal '{name}'",
+                f"the sweep of {self.model} has not stored the signal '{name}'",
                 evidence=meant(name, list(self._places)),
-                help=f"signals=[{name!r}] keeps it: acausal sweep ... --signals {name}",
+                help=f"signals=[{name!r}] stores it: acausal sweep ... --signals {name}",
             )
         return self._places[name]
 

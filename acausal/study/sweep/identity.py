@@ -1,4 +1,4 @@
-"""Identity of a sweep: hashes of its model and inputs, by which a file rejects members of another sweep."""
+"""Identity of a sweep: hashes of its model and inputs, by which a file rejects members of other sweeps."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from acausal.simulate.options import options as run_options
 
 
 def fingerprint(compiled: CompiledModel) -> str:
-    """Hash of all that decides the numbers of a run, by which a file recognises the model of its sweep.
+    """Hash of everything that determines the values of a run, by which a file recognises the model of its sweep.
 
-    Besides equations and parameters these are the magnitudes by which tolerances are scaled, and the experiment of the
-    model: its tolerance, solver and steps hold where a sweep names none.
+    Besides equations and parameters, this includes the magnitudes by which tolerances are scaled, and the experiment of
+    the model, whose tolerance, solver and steps apply unless the sweep has its own.
     """
     parts = [compiled.rhs.serialize(), compiled.modes.serialize(), compiled.instants.serialize()]
     parts += [compiled.observe.serialize(), compiled.guess.serialize(), compiled.conditions.serialize()]
@@ -53,7 +53,7 @@ def _demands(compiled: CompiledModel) -> list[Any]:
 
 
 def driven(compiled: CompiledModel, options: Mapping[str, Any]) -> str:
-    """Hash of the values of the inputs over a run, because functions and files cannot be compared by name."""
+    """Hash of the values of the inputs over a run: functions and files cannot be compared by name."""
     times = run_times(compiled, options)
     given = given_inputs(compiled, options.get("inputs") or {}, times.start_time, times.stop_time, times.tolerances)
     parts = [given.u, np.array(given.places), *(part for p in given.pieces for part in (p.breaks, p.numbers))]
@@ -61,7 +61,7 @@ def driven(compiled: CompiledModel, options: Mapping[str, Any]) -> str:
 
 
 def as_text(options: Mapping[str, Any]) -> str:
-    """Options as text that does not depend on the process."""
+    """Options as a text that is the same in every process."""
     return json.dumps({k: _plain(v) for k, v in sorted(options.items()) if v is not None})
 
 

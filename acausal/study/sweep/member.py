@@ -22,7 +22,7 @@ from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
 
-# Output times that differ by less than this share of the largest are equal.
+# Output times that differ by less than this fraction of the largest one are equal.
 _SAME = 1e-13
 
 
@@ -66,7 +66,7 @@ class Outcome:
 def run_member(task: Task, member: int, values: Sequence[float], *, checked: bool = True) -> Outcome:
     """Run one member; any error becomes its outcome, except that of an invalid request if `checked` is false.
 
-    `values`: Values of the varied parameters, shape (k,).
+    `values`: values of the varied parameters, shape (k,).
     """
     start = time.perf_counter()
     try:
@@ -114,10 +114,10 @@ def run_task(task: Task, values: Sequence[float]) -> Result:
 def stored_values(task: Task, result: Result) -> tuple[Vector, Vector]:
     """(Values at the end of a run, shape (s,); values on the grid, shape (r, s))."""
     slack = _SAME * max(abs(task.grid[0]), abs(task.grid[-1]))
-    place = np.searchsorted(result.time, task.grid + slack, side="right") - 1
-    on_grid = np.abs(result.time[place] - task.grid) <= slack
+    row = np.searchsorted(result.time, task.grid + slack, side="right") - 1
+    on_grid = np.abs(result.time[row] - task.grid) <= slack
     values = np.stack([result[name] for name in task.signals], axis=1)
-    return values[-1].copy(), np.where(on_grid[:, None], values[place], np.nan)
+    return values[-1].copy(), np.where(on_grid[:, None], values[row], np.nan)
 
 
 # Tasks by key and thread: compiled models have work memory that threads must not share.
@@ -141,7 +141,7 @@ def forget(key: str) -> None:
 def unpickled(pickled: bytes) -> Task:
     """The task pickled by `acausal.study.sweep.workers.pickled`; source files in it are executed as modules.
 
-    Raises pickle.UnpicklingError: With the message of any error.
+    Raises pickle.UnpicklingError: for any error, with its message.
     """
     try:
         files, content = pickle.loads(pickled)
@@ -159,7 +159,7 @@ def unpickled(pickled: bytes) -> Task:
 
 
 def run_chunk(key: str, pickled: bytes | None, members: Sequence[tuple[int, tuple[float, ...]]]) -> list[Outcome]:
-    """Run some members in a worker; `pickled` is the task, needed if the worker does not know it yet."""
+    """Run members in a worker; `pickled` is the task, needed if the worker has not received it yet."""
     task = _TASKS.get((key, threading.get_ident()))
     if task is None:
         assert pickled is not None, "a worker that was not sent a task has inherited it"

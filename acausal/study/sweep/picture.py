@@ -21,10 +21,10 @@ from acausal.plot.plot import STYLE, check_picture, save
 from acausal.plot.scale import readable
 from acausal.study.sweep.family import Sweep
 
-# Largest numbers of colours in a legend, and of lines in a panel.
-_NAMED, _SEEN = 8, 200
+# Maximum number of colours in a legend, and of lines in a panel.
+_MOST_COLOURS, _MOST_LINES = 8, 200
 _MOST_PANELS = 6
-# Without the yellow end, in which a thin line on white is hardly visible.
+# Without the yellow end, which is hardly visible in a thin line on white.
 _MAP = LinearSegmentedColormap.from_list("family", matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, 64)))
 _STYLES = ("-", "--", ":", "-.")
 
@@ -54,7 +54,7 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
     families = [sweep[name] for name in panels]
     is_ok = np.array([status == "ok" for status in sweep.status])
     if not is_ok.any():
-        raise UsageError("AC016", f"no member of the sweep of {sweep.model} has values to draw")
+        raise UsageError("AC016", f"no member of the sweep of {sweep.model} has values to plot")
     coloured = by or sweep.parameters[0].name
     values = sweep[coloured]
     if values.ndim != 1 or coloured == "time":
@@ -69,7 +69,7 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for ax, name, rows in zip(axes, panels, families, strict=True):
             scale = readable(sweep.unit(name), float(np.nanmax(np.abs(rows), initial=0.0)))
-            if is_ok.sum() > _SEEN:
+            if is_ok.sum() > _MOST_LINES:
                 _bands(ax, clock(sweep.time), scale(rows[is_ok]))
             else:
                 _lines(ax, clock(sweep.time), scale(rows[is_ok]), values[is_ok], styles[is_ok])
@@ -77,7 +77,7 @@ def sweep_picture(sweep: Sweep, *names: str, by: str | None = None, file: str | 
             if docs[name]:
                 ax.set_title(docs[name], loc="left")
         axes[-1].set_xlabel(f"Time {clock.label}")
-        if is_ok.sum() > _SEEN:
+        if is_ok.sum() > _MOST_LINES:
             ended = any(np.isnan(rows[is_ok]).any() for rows in families)
             of = "of members that still run" if ended else "of all members"
             figure.legend(*axes[0].get_legend_handles_labels(), title=of, loc="outside right upper")
@@ -113,7 +113,7 @@ def _style_key(figure: Figure, sweep: Sweep, name: str) -> None:
 def _lines(ax: Axes, time: Vector, rows: Vector, values: Vector, styles: NDArray[np.int64]) -> None:
     """One line per member; `rows` has shape (members, r)."""
     colours = _MAP(_norm(values)(values))
-    width = 1.4 if len(rows) <= 3 * _NAMED else 0.7
+    width = 1.4 if len(rows) <= 3 * _MOST_COLOURS else 0.7
     for row, colour, style in zip(rows, colours, styles, strict=True):
         ax.plot(time, row, color=colour, ls=_STYLES[style], lw=width)
 
@@ -133,7 +133,7 @@ def _key(figure: Figure, axes: Any, sweep: Sweep, name: str, values: Vector) -> 
     label = f"{name} {scale.label}".strip()
     levels = np.unique(values)
     norm = _norm(values)
-    if len(levels) <= _NAMED:
+    if len(levels) <= _MOST_COLOURS:
         colours = _MAP(norm(levels))
         handles = [Line2D([], [], color=c, label=f"{scale(v):.4g}") for c, v in zip(colours, levels, strict=True)]
         figure.legend(handles=handles, title=label, loc="outside right upper")

@@ -59,11 +59,11 @@ class Definition:
         """Texts of the differences from another definition."""
         found = []
         if [s.name for s in self.parameters] != [s.name for s in other.parameters]:
-            found.append("parameters that are varied")
+            found.append("varied parameters")
         elif not np.array_equal(self.values, other.values):
             found.append("values of the members")
         if [s.name for s in self.signals] != [s.name for s in other.signals]:
-            found.append("signals that are kept")
+            found.append("stored signals")
         if not np.array_equal(self.grid, other.grid):
             found.append("times of the rows")
         names = {**self.setting, **other.setting}
@@ -170,4 +170,4 @@ def _sqlite_errors(file: Path | None) -> Iterator[None]:
     except sqlite3.OperationalError as error:
         raise UsageError("AC012", f"cannot read or write {file}: {error}") from error
     except (sqlite3.DatabaseError, TypeError, ValueError, KeyError) as error:
-        raise UsageError("AC062", f"{file} holds no sweep", evidence=[str(error)]) from error
+        raise UsageError("AC062", f"{file} contains no sweep", evidence=[str(error)]) from error

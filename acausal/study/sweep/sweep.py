@@ -90,15 +90,16 @@ def sweep(
     parameters
         Values of other parameters, the same for all members.
     workers
-        Number of processes; by default that of the cores available to this process. With 1 all runs in this thread.
+        Number of processes; by default the number of cores available to this process. With 1, everything runs in this
+        thread.
     executor
         Any `concurrent.futures.Executor`, or "processes" (default), "threads", "dask://host:port", or "dask://" for a
         cluster of `workers` processes on this machine. It is opened before the first run. The first member, and the
         second if the first is fast, run in this process, to check the request and to estimate the time of the others.
     file
-        A `.sweep` file to which each chunk is written when it is done; None stores all in memory.
+        A `.sweep` file to which each chunk is written when it is done; None stores everything in memory.
     resume
-        Run only the members missing in `file`, which must be of the same sweep; failed members are not repeated.
+        Run only the members missing in `file`, which must belong to the same sweep; failed members are not repeated.
     progress
         Called with a `Progress` after each chunk.
     options
@@ -129,7 +130,7 @@ def sweep(
         setting["inputs"] = driven(compiled, dict(options))
         setting["model"] = fingerprint(compiled)
     definition = Definition(compiled.name, _varied(compiled, names), values, kept, task.grid, setting)
-    # opened before anything runs, because a sweep of one or two members would never report a wrong executor
+    # open it before anything runs, because a sweep of one or two members would never report a wrong executor
     with _pool(executor, workers, len(values)) as pool:
         store = _open_store(None if file is None else Path(file), definition, resume)
         try:
@@ -194,19 +195,19 @@ class _Count:
 def _compiled(
     model: Component | CompiledModel, parameters: dict[str, Any], names: tuple[str, ...], values: Vector
 ) -> tuple[CompiledModel, Component | None]:
-    """(Compiled model with the varied parameters free, component it was compiled from or None)."""
+    """(Compiled model with the varied parameters free, the component from which it was compiled or None)."""
     if isinstance(model, CompiledModel):
         if parameters:
             raise UsageError(
-                "AC060", "a compiled model has its parameters already", help="give them to compile, or vary them"
+                "AC060", "a compiled model already has its parameters", help="pass them to compile, or vary them"
             )
         _check_names(model, names, values)
         return model, None
     compiled = compile(model, parameters=parameters)
     declared = {f.path: f for f in compiled.flat.parameters}
-    own = dict(zip(names, values[0].tolist(), strict=True))
+    first = dict(zip(names, values[0].tolist(), strict=True))
     # a varied value replaces a binding to other parameters, as simulate(component, parameters=...) does
-    bound = {name: own[name] for name in names if name in declared and not declared[name].free}
+    bound = {name: first[name] for name in names if name in declared and not declared[name].free}
     if bound:
         compiled = compile(model, parameters={**parameters, **bound})
     for name in names:
@@ -220,7 +221,7 @@ def _compiled(
                 + " and cannot be varied",
                 help="make a sweep for each of its values"
                 if structural
-                else "to vary a start value declare a parameter, and give the variable fixed() of it in build",
+                else "to vary a start value, declare a parameter, and set the variable to fixed() of it in build",
             )
     _check_names(compiled, names, values)
     return compiled, model
@@ -248,7 +249,7 @@ def _task(
             raise UsageError(
                 "AC060",
                 f"{compiled.name} has {len(compiled.continuous)} states",
-                help="say what to keep: signals=['mass.s'], or --signals mass.s",
+                help="choose what to store: signals=['mass.s'], or --signals mass.s",
             )
         signals = compiled.continuous
     known = _without_rows(compiled)
@@ -256,7 +257,7 @@ def _task(
     found = [s for name in wanted for s in known.elements(name)[1] if s.name not in names]
     kept = tuple({s.name: s for s in found}.values())
     if not kept:
-        raise UsageError("AC060", f"nothing of {compiled.name} would be kept", help="signals=['mass.s']")
+        raise UsageError("AC060", f"nothing of {compiled.name} would be stored", help="signals=['mass.s']")
     return Task(compiled, component, parameters, names, grid, tuple(s.name for s in kept), options), kept
 
 
@@ -290,7 +291,7 @@ def _open_store(file: Path | None, definition: Definition, resume: bool) -> Stor
             store.close()
             raise UsageError(
                 "AC062",
-                f"{file} holds another sweep, of {known.model}",
+                f"{file} contains another sweep, of {known.model}",
                 evidence=[f"other {text}" for text in different],
                 help="give another file, or delete this one",
             )
@@ -298,8 +299,8 @@ def _open_store(file: Path | None, definition: Definition, resume: bool) -> Stor
         if done < len(known.values):
             raise UsageError(
                 "AC062",
-                f"{file} holds {done} of {len(known.values)} members of a sweep that was not finished",
-                help="--resume (resume=True) goes on with it; else give another file, or delete this one",
+                f"{file} contains {done} of {len(known.values)} members of an unfinished sweep",
+                help="--resume (resume=True) continues it; otherwise give another file, or delete this one",
             )
         file.unlink()
     store = Store(file)

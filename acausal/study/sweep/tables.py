@@ -25,16 +25,16 @@ def package(name: str) -> Any:
         raise UsageError(
             "AC015",
             f"this needs the package {name}, which is not installed",
-            help=f"pip install {name}; the extra acausal[sweep] has all that sweeps can use",
+            help=f"pip install {name}; the extra acausal[sweep] has all packages that sweeps can use",
         ) from error
 
 
 _OUTCOME = ("member", "status", "code", "message", "notes", "stop_time", "events", "seconds")
-"""Columns that tell how each member went, beside those of the model."""
+"""Columns for the outcome of each member, beside those of the model."""
 
 
 def outcome_names(sweep: Sweep) -> dict[str, str]:
-    """Names of the columns of the outcome; `run.events` where the model has a variable or parameter `events`."""
+    """Names of the columns of the outcome, such as `events`, or `run.events` if the sweep has a signal of that name."""
     return {name: f"run.{name}" if name in sweep else name for name in _OUTCOME}
 
 

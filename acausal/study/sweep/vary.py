@@ -15,7 +15,7 @@ from acausal.errors import UsageError
 
 SAMPLES = ("sobol", "halton", "lhs", "random")
 # Largest number of members; a grid of five axes with 100 points each is surely a mistake.
-_MOST = 10**7
+_MOST_MEMBERS = 10**7
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Range:
         if self.log and self.low <= 0.0:
             raise UsageError("AC060", f"a logarithmic range has positive ends, not {self.low}")
         if self.count is not None and self.count < 2:
-            raise UsageError("AC060", f"a range has two values at least, not {self.count}")
+            raise UsageError("AC060", f"a range has at least two values, not {self.count}")
 
     def levels(self) -> Vector:
         """Values of a grid including both ends, shape (count,).
@@ -51,18 +51,18 @@ class Range:
         if self.count is None:
             raise UsageError(
                 "AC060",
-                f"a grid does not know how many values to take from {self.low:g} to {self.high:g}",
+                f"a grid needs the number of values from {self.low:g} to {self.high:g}",
                 help="give their number, Range(low, high, 7), or draw a sample: sample='sobol:256'",
             )
         found = self.ppf(np.linspace(0.0, 1.0, self.count))
         found[[0, -1]] = self.low, self.high
         return found
 
-    def ppf(self, share: Vector) -> Vector:
-        """Quantiles at n probabilities `share`, shape (n,); named as in `scipy.stats`."""
+    def ppf(self, q: Vector) -> Vector:
+        """Quantiles at n probabilities `q`, shape (n,); named as in `scipy.stats`."""
         if self.log:
-            return np.asarray(np.exp(np.log(self.low) + share * (np.log(self.high) - np.log(self.low))))
-        return np.asarray(self.low + share * (self.high - self.low))
+            return np.asarray(np.exp(np.log(self.low) + q * (np.log(self.high) - np.log(self.low))))
+        return np.asarray(self.low + q * (self.high - self.low))
 
 
 def design(
@@ -72,11 +72,11 @@ def design(
 
     Raises UsageError: AC060 for an invalid design.
 
-    `vary`: A range, a sequence of values or a distribution (any object with `ppf`) for each parameter; or a sequence of
+    `vary`: a range, a sequence of values or a distribution (any object with `ppf`) for each parameter; or a sequence of
     members, each with its values.
     `sample`: None for the grid of all combinations, in which the last name varies fastest; "sobol:256", "halton:100",
     "lhs:100" (Latin hypercube) or "random:1000" for this number of points.
-    `seed`: Seed of the sample.
+    `seed`: seed of the sample.
     """
     if not vary:
         raise UsageError("AC060", "nothing is varied", help="vary={'mass.m': acausal.Range(1.0, 2.0, 5)}")
@@ -100,7 +100,7 @@ def design(
 def _listed_design(rows: Sequence[Mapping[str, float]], sample: str | None) -> tuple[tuple[str, ...], Vector]:
     """The design of members listed one by one."""
     if sample is not None:
-        raise UsageError("AC060", "members that are listed one by one leave nothing to sample")
+        raise UsageError("AC060", "members that are listed one by one cannot be sampled")
     names = tuple(rows[0])
     for k, row in enumerate(rows):
         if set(row) != set(names):
@@ -115,7 +115,7 @@ def _levels(name: str, given: Any) -> Vector:
     if isinstance(given, Range):
         return given.levels()
     if hasattr(given, "ppf"):
-        raise UsageError("AC060", f"{name} has a distribution, and a grid has none", help="sample='sobol:256'")
+        raise UsageError("AC060", f"{name} has a distribution, which has no grid", help="sample='sobol:256'")
     return _numbers(name, given)
 
 
@@ -127,14 +127,14 @@ def _numbers(name: str, given: Any) -> Vector:
         raise UsageError(
             "AC060",
             f"the values of {name} are not numbers: {given!r}",
-            help="numbers in SI here; with units on the command line: --vary T=20degC,40degC",
+            help="give numbers in SI; on the command line with units: --vary T=20degC,40degC",
         ) from error
     if values.ndim != 1 or not values.size or not np.isfinite(values).all():
-        raise UsageError("AC060", f"the values of {name} are not a row of finite numbers")
+        raise UsageError("AC060", f"the values of {name} are not a sequence of finite numbers")
     return values
 
 
-def _quantiles(name: str, given: Any, share: Vector) -> Vector:
+def _quantiles(name: str, given: Any, q: Vector) -> Vector:
     """Quantiles of one parameter at n probabilities, shape (n,); AC060."""
     if not hasattr(given, "ppf"):
         raise UsageError(
@@ -142,7 +142,7 @@ def _quantiles(name: str, given: Any, share: Vector) -> Vector:
             f"{name} has single values, from which no sample can be drawn",
             help="acausal.Range(low, high), or a distribution: scipy.stats.norm(mean, deviation)",
         )
-    return np.asarray(given.ppf(share), dtype=float)
+    return np.asarray(given.ppf(q), dtype=float)
 
 
 def _sample_points(sample: str, dimensions: int, seed: int) -> Vector:
@@ -167,5 +167,5 @@ def _sample_points(sample: str, dimensions: int, seed: int) -> Vector:
 
 def _check_size(members: int) -> None:
     """AC060 for too many members."""
-    if members > _MOST:
-        raise UsageError("AC060", f"a sweep of {members} members is larger than {_MOST}")
+    if members > _MOST_MEMBERS:
+        raise UsageError("AC060", f"a sweep of {members} members is larger than {_MOST_MEMBERS}")

@@ -38,7 +38,7 @@ from acausal.study.sweep.member import Outcome, Task, failed, forget, remember, 
 Member = tuple[int, tuple[float, ...]]
 Keep = Callable[[Sequence[Outcome]], None]
 
-# Time of a chunk [s], largest size of its outcomes [bytes], and number of chunks submitted per worker.
+# Duration of a chunk [s], maximum size of its outcomes [bytes], and number of chunks submitted per worker.
 _CHUNK, _BYTES, _AHEAD = 0.5, 16e6, 2
 
 
@@ -192,7 +192,7 @@ def _source_files(component: Component | None) -> list[tuple[str, str, str]]:
 
 
 def run_all(team: Workers, task: Task, members: Sequence[Member], pace: float, keep: Keep) -> None:
-    """Run all members; `keep` is called with the outcomes of each chunk, `pace` is an estimate of the time of one [s].
+    """Run all members; `keep` is called with the outcomes of each chunk, `pace` is the estimated time of a member [s].
 
     Raises RunError: AC413 if workers are lost and cannot be replaced.
     Raises UsageError: AC064 if a worker cannot load the model.
@@ -211,8 +211,8 @@ def run_all(team: Workers, task: Task, members: Sequence[Member], pace: float, k
                     running[_submit(team, chunk)] = chunk
             else:
                 while missing and len(running) < team.capacity:
-                    share = math.ceil(len(missing) / team.capacity)
-                    size = min(size_limit, share, max(1, int(_CHUNK * count / max(elapsed, 1e-6))))
+                    even = math.ceil(len(missing) / team.capacity)
+                    size = min(size_limit, even, max(1, int(_CHUNK * count / max(elapsed, 1e-6))))
                     chunk = [missing.popleft() for _ in range(min(size, len(missing)))]
                     running[_submit(team, chunk)] = chunk
             for future in wait(running, return_when=FIRST_COMPLETED).done:
@@ -249,7 +249,7 @@ def _collect(
     running: dict[Future[list[Outcome]], Sequence[Member]],
     suspects: deque[Member],
 ) -> list[Outcome]:
-    """The outcomes of a chunk; if its worker was lost, a failure of a single member, or none and more `suspects`."""
+    """The outcomes of a chunk; if its worker was lost, the failure of a single member, or none and more `suspects`."""
     try:
         return future.result()
     except (BrokenExecutor, CancelledError) as error:
@@ -262,19 +262,19 @@ def _collect(
                 "AC413",
                 "the workers of the executor are gone",
                 evidence=[f"{type(error).__name__}: {error}"],
-                help="what was done before is kept where the sweep has a file: begin again with resume",
+                help="a sweep with a file keeps its finished members: repeat it with resume",
             ) from error
         if len(lost) > 1:
             suspects.extend(lost)
             return []
-        return [failed(task, chunk[0][0], "AC412", "its process ended without a word: a crash, or no memory left")]
+        return [failed(task, chunk[0][0], "AC412", "its process ended without a message: a crash, or no memory left")]
     except (ImportError, pickle.UnpicklingError) as error:
         raise UsageError(
             "AC064",
             f"the workers cannot load {task.model.name}",
             evidence=[f"{type(error).__name__}: {error}"],
-            help="its modules, and the same versions of acausal and CasADi, have to be installed there; classes of a "
-            "script belong into a file of their own",
+            help="install its modules, and the same versions of acausal and CasADi, on the workers; move classes of a "
+            "script into a file of their own",
         ) from error
     except Exception as error:
         if len(chunk) > 1:

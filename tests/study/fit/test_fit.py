@@ -232,7 +232,7 @@ def test_residuals_that_are_no_noise_are_said() -> None:
     """A constant is fitted to an oscillation."""
     t = np.linspace(0.0, 2.0, 101)
     found = fit(Line(), {"y": (t, np.sin(3.0 * t))}, ["a"])
-    assert any("follow one another" in note for note in found.notes)
+    assert any("correlated in time" in note for note in found.notes)
 
 
 def test_errors_of_the_run_are_not_called_a_wrong_model() -> None:
@@ -304,13 +304,13 @@ CASES: dict[str, tuple[Callable[[], object], str, str]] = {
     "no such parameter": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, ["aa"]), "AC056", "'aa'"),
     "bound parameter": (lambda: fit(Oscillator(), swing(1.0, 1.0), ["mass.m"]), "AC056", "mass.m"),
     "no parameter": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, []), "AC056", "no parameter"),
-    "outside its limits": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, {"a": (1.0, 2.0)}), "AC056", "begins at 0.5"),
+    "outside its limits": (lambda: fit(Line(), {"y": (TIMES, TIMES)}, {"a": (1.0, 2.0)}), "AC056", "starts at 0.5"),
     "too few values": (lambda: fit(Line(), {"y": (TIMES[:2], TIMES[:2])}, ["a", "b"]), "AC057", "2 measured values"),
     "before the start": (lambda: fit(Line(), {"y": (TIMES - 1.0, TIMES)}, ["a"]), "AC011", "-1 s"),
     "a value of its own": (
         lambda: fit(Line(), [Dataset({"y": (TIMES, TIMES)}, parameters={"a": float(k)}) for k in (1, 2)], ["a"]),
         "AC056",
-        "one value in all experiments",
+        "one value for all experiments",
     ),
     "no deviation": (lambda: fit(Line(), Dataset({"y": (TIMES, TIMES)}, sigma={"y": 0.0}), ["a"]), "AC055", "sigma"),
 }

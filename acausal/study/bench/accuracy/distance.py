@@ -2,9 +2,9 @@
 
 Conventions of the published test sets for initial value problems (F. Mazzia, C. Magherini, Test Set for Initial Value
 Problem Solvers, release 2.4, University of Bari): scd is -log10 of the largest relative error of the end values, mescd
-the same of the mixed error |y - r| / (f + |r|). `f` is the nominal magnitude of a variable; where the variable never
-becomes as large as that, it is the largest magnitude it has in the reference, but not less than a thousandth of the
-nominal one, below which absolute tolerances do not ask for any digits.
+that of the mixed error |y - r| / (f + |r|). `f` is the nominal magnitude of a variable. If the variable never becomes
+so large, `f` is its largest magnitude in the reference, but at least a thousandth of the nominal magnitude, below which
+absolute tolerances do not require any digits.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _WINDOW = 0.25
 class Distance:
     """Errors of one run.
 
-    `end` and `series` are mixed errors, of the end values and of all points, `worst` the variable behind the latter;
-    `absolute` is the largest absolute error of the end values, in the units of the variables; `phase` the time by which
-    oscillations are late at the end [s], None where nothing oscillates; `shape` the error that stays over the last
-    quarter of the run when the phase is taken out, relative to each variable's largest magnitude.
+    `end` and `series` are mixed errors of the end values and of all points, `worst` is the variable with the largest
+    one of the latter; `absolute` is the largest absolute error of the end values, in the units of the variables;
+    `phase` is the delay of oscillations at the end [s], None if nothing oscillates; `shape` is the error over the last
+    quarter of the run that remains when this delay is removed, relative to the largest magnitude of each variable.
     """
 
     end: float
@@ -85,7 +85,10 @@ def _digits(error: float) -> float:
 
 
 def _phase(found: Trajectory, fine: Trajectory, floor: Vector) -> tuple[float | None, float | None]:
-    """Delay of the oscillating variables at the end, by least squares over a window: y(t) = r(t - delay)."""
+    """(Delay of the oscillating variables at the end [s], remaining error): least squares of y(t) = r(t - delay).
+
+    None for both if nothing oscillates.
+    """
     swings = np.flatnonzero([_turns(fine.values[:, k]) >= _TURNS for k in range(len(fine.names))])
     if not swings.size or not np.isfinite(found.values).all():
         return None, None
@@ -99,17 +102,18 @@ def _phase(found: Trajectory, fine: Trajectory, floor: Vector) -> tuple[float | 
     slope = curve.derivative()
 
     def gap(delay: float) -> Vector:
-        # only where the shifted reference is known
-        known = (times - delay <= last)[:, None]
-        return np.asarray(np.where(known, y - curve(np.clip(times - delay, first, last)), 0.0) / scale)
+        # compare only where the shifted reference exists
+        exists = (times - delay <= last)[:, None]
+        return np.asarray(np.where(exists, y - curve(np.clip(times - delay, first, last)), 0.0) / scale)
 
-    # Gauss-Newton finds the nearest of many minima: start from the best shift by whole steps, at most a sixteenth.
+    # Gauss-Newton finds the nearest of many minima: start from the best shift by whole steps, at most a sixteenth of
+    # the run
     most = int((last - first) / 16 / step)
     shifts = [float(step) * k for k in range(-most, most + 1)]
     delay = min(shifts, key=lambda d: float((gap(d) ** 2).sum()))
     for _ in range(4):
-        known = (times - delay <= last)[:, None]
-        slopes = np.where(known, slope(np.clip(times - delay, first, last)), 0.0) / scale
+        exists = (times - delay <= last)[:, None]
+        slopes = np.where(exists, slope(np.clip(times - delay, first, last)), 0.0) / scale
         power = float((slopes**2).sum())
         if power == 0.0:
             return None, None
@@ -118,7 +122,7 @@ def _phase(found: Trajectory, fine: Trajectory, floor: Vector) -> tuple[float | 
 
 
 def _turns(values: Vector) -> int:
-    """How often a trajectory turns back by more than a hundredth of its range."""
+    """Number of reversals of a trajectory by more than a hundredth of its range."""
     span = float(np.ptp(values))
     if span == 0.0:
         return 0

@@ -23,22 +23,22 @@ from acausal.study.bench.measure import FINE, Task, fine
 from acausal.study.growth import Growth, growth
 
 SOLVERS = ("rosenbrock", "idas", "erk", "cvodes")
-"""Candidates, the most exact first.
+"""Candidates, the most accurate first.
 
-Where there are algebraic variables, those that eliminate them by one and the same rootfinder come last: they agree to
-more digits than they are right (Andrews' mechanism: 11 and 9, measured).
+For a model with algebraic variables, solvers that eliminate them by the same rootfinder come last: they agree to more
+digits than are correct (Andrews' mechanism: 11 and 9, measured).
 """
 EASY = 1e-7
 TIGHT = (1e-12, 1e-11, 1e-10, 1e-9)
 _PATIENCE = 30.0
 ENOUGH = 10.0
-"""Trusted digits after which no further solver is run."""
+"""Number of trusted digits that suffices: no further solver is run."""
 _MOST_DIGITS = 15.0
 _DECADE = 10.0
 """Factor between the tolerances of the runs that show whether a solver converges."""
 _SAFETY = 1.5
 _LOCATED = 1e-11
-"""The least error of a run with located events: instants are found to a resolution that no tolerance refines."""
+"""Smallest error of a run with located events: the resolution of their instants does not improve with the tolerance."""
 _WITNESS = 100.0
 """Largest ratio of the error of a confirming run to that of the confirmed one."""
 
@@ -47,8 +47,7 @@ _WITNESS = 100.0
 class Reference:
     """A trajectory on the fine grid, its origin, and the number of its trusted digits.
 
-    `only_end` marks a reference that knows the end values alone; `growth` is what the problem makes of errors, where
-    that is known.
+    `only_end` marks a reference that has end values only; `growth` is the growth of errors along the run, if known.
     """
 
     trajectory: Trajectory
@@ -82,12 +81,12 @@ def converged_reference(
 
     `nominal`: magnitudes of the variables, shape (k,); `limit`: time limit of a run [s].
 
-    Each solver runs at the tightest tolerance at which it gets through, and at ten and a hundred times that. How its
-    end of the sequence moves tells its error: two solvers can share one that falls with the tolerance (methods of one
-    order and error control do), so that what they have in common is no proof. Another solver has to agree within
-    what both claim; if it does not, the difference counts.
+    Each solver runs at the tightest tolerance at which it succeeds, and at ten and a hundred times this tolerance. The
+    differences within this sequence give an estimate of its error. Agreement of two solvers at one tolerance is no
+    proof, because methods of the same order and error control can share an error that falls with the tolerance.
+    Another solver has to agree within both estimates; if it does not, the difference counts as the error.
 
-    Raises IntegrationError: AC410 when fewer than two solvers arrive.
+    Raises IntegrationError: AC410 if fewer than two solvers succeed.
     """
     found: list[_Refined] = []
     notes: list[str] = []
@@ -98,15 +97,15 @@ def converged_reference(
     for solver in dict.fromkeys((*solvers, *SOLVERS)):
         if solver not in solvers and len(found) >= 2:
             break
-        arrived = _tightest(task, solver, tight, limit, say, notes, nominal)
-        if arrived is not None:
-            found.append(arrived)
+        refined = _tightest(task, solver, tight, limit, say, notes, nominal)
+        if refined is not None:
+            found.append(refined)
         if len(found) >= 2 and _suffices(found, nominal, enough):
             break
     if len(found) < 2:
         raise IntegrationError(
             "AC410",
-            f"no reference for {task.compiled.name}: two different solvers have to agree, {len(found)} arrived",
+            f"no reference for {task.compiled.name}: two different solvers have to agree, {len(found)} succeeded",
             evidence=list({note.partition(" at ")[0]: note for note in notes}.values()),
             help=_remedy(notes),
         )
@@ -118,14 +117,14 @@ def converged_reference(
     if error > _SAFETY * max(best.error, 10.0**-_MOST_DIGITS, _LOCATED):
         source = f"{best.name}, from which {other.name} differs"
     say("reference: growth of errors")
-    grown = isolated(lambda: iter([growth(task.compiled, _own(task), task.options, task.span)]), limit).value
+    grown = isolated(lambda: iter([growth(task.compiled, _parameters(task), task.options, task.span)]), limit).value
     names = (best.name, other.name)
     return Reference(
         trajectory, floors(trajectory, nominal), _digits(error), source, names, notes=tuple(notes), growth=grown
     )
 
 
-def _own(task: Task) -> dict[str, float]:
+def _parameters(task: Task) -> dict[str, float]:
     """Parameters of the runs of a task, by path."""
     return dict(task.options.get("parameters") or {})
 
@@ -135,7 +134,7 @@ def _digits(error: float) -> float:
 
 
 def _suffices(found: Sequence[_Refined], nominal: Vector, enough: float) -> bool:
-    """Whether another solver can add nothing: there are enough digits, or a witness of like precision agrees."""
+    """Whether no further solver is needed: there are enough digits, or a run of similar precision agrees."""
     error, best, other = _judged(found, nominal)
     agreed = error <= _SAFETY * best.error and other.error <= _WITNESS * best.error
     return agreed or _digits(error) >= enough
@@ -144,21 +143,22 @@ def _suffices(found: Sequence[_Refined], nominal: Vector, enough: float) -> bool
 def _judged(found: Sequence[_Refined], nominal: Vector) -> tuple[float, _Refined, _Refined]:
     """(Error of the best run, that run, the run that it was compared with).
 
-    Two that differ by no more than both admit confirm the better of them; otherwise their difference is its error.
+    If two runs differ by no more than the sum of their estimated errors, the better one is confirmed; otherwise their
+    difference is its error.
     """
     best = min(found, key=lambda run: run.error)
     floor = floors(best.trajectory, nominal)
-    held = []
+    comparisons = []
     for other in (run for run in found if run is not best):
         gap = float(mixed(other.trajectory.values, best.trajectory.values, floor).max())
-        held.append((best.error if gap <= _SAFETY * (best.error + other.error) else gap, other))
-    # the nearest in precision is the sharpest witness
-    error, other = min(held, key=lambda pair: (pair[1].error, pair[0]))
+        comparisons.append((best.error if gap <= _SAFETY * (best.error + other.error) else gap, other))
+    # the run closest in precision is the strictest test
+    error, other = min(comparisons, key=lambda pair: (pair[1].error, pair[0]))
     return _SAFETY * max(error, 10.0**-_MOST_DIGITS), best, other
 
 
 def _remedy(notes: Sequence[str]) -> str:
-    """What to do about runs that did not arrive; most of them say where they stopped, if the solution ends."""
+    """Remedy for runs that failed; if the solution ends, most notes contain the time at which they stopped."""
     ends = [float(t) for note in notes for t in re.findall(r"stopped at t = (\S+) s", note)]
     if len(ends) > len(notes) / 2:
         return f"the solution seems to end near t = {min(ends):.4g} s: stop the bench before it (--stop-time)"
@@ -176,8 +176,8 @@ def _tightest(
 ) -> _Refined | None:
     """Run of a solver at the tightest tolerance at which it succeeds, with coarser ones.
 
-    An easy run comes first: how long it takes tells how long a tight one may take before it is stuck. Methods of order
-    five pay six times as many steps for four decades.
+    A run at the tolerance `EASY` comes first: its duration limits that of the tight runs, so that one that makes no
+    progress is ended. Methods of order five take six times as many steps for four decades.
     """
     patience = limit
     for tolerance in (EASY, *tight):
@@ -190,8 +190,8 @@ def _tightest(
             patience = min(limit, 2.0 + _PATIENCE * outcome.seconds)
             continue
         coarser = []
-        for asked in _coarser(task, solver, tolerance):
-            run = _run(task, solver, asked, patience, say, notes).value
+        for coarse in _coarser(task, solver, tolerance):
+            run = _run(task, solver, coarse, patience, say, notes).value
             if run is None:
                 break
             coarser.append(run)
@@ -215,22 +215,22 @@ def _run(
 
 
 def _coarser(task: Task, solver: str, tolerance: float) -> tuple[float, float]:
-    """The tolerances whose share, what the solver gets, is ten and a hundred times that of this one.
+    """The tolerances for which the solver's internal one is ten and a hundred times that for this tolerance.
 
-    Those of the user are no measure: the smallest ones have the same share.
+    Multiples of this tolerance would not do, because the smallest tolerances all lead to the same internal one.
     """
     method = solver_named(solver)
-    own_share = tolerance_fraction(task.compiled, method, tolerance) * tolerance
-    share = tolerance_fraction(task.compiled, method, 1.0)
-    return _DECADE * own_share / share, _DECADE**2 * own_share / share
+    internal = tolerance_fraction(task.compiled, method, tolerance) * tolerance
+    ratio = tolerance_fraction(task.compiled, method, 1.0)
+    return _DECADE * internal / ratio, _DECADE**2 * internal / ratio
 
 
 def _refinement(tight: Trajectory, coarse: Trajectory, coarsest: Trajectory, nominal: Vector) -> float:
-    """The error of the tightest of three runs, each with a tenth of the tolerance of the one behind it.
+    """Error of the tightest of three runs, each with a tenth of the tolerance of the next coarser one.
 
-    It is not larger than the last move, if errors fall by half at least. They need not fall steadily (on a chaotic
-    run by 4, 15 and 1.1 in three decades), so nothing is extrapolated; and where two runs agree by chance, a tenth of
-    the move before says so.
+    It is not larger than the last difference, if errors fall at least by half. Because they need not fall steadily (on
+    a chaotic run by factors of 4, 15 and 1.1 in three decades), nothing is extrapolated. If two runs agree by chance, a
+    tenth of the other difference is the larger estimate.
     """
     floor = floors(tight, nominal)
     last, before = (float(mixed(a.values, b.values, floor).max()) for a, b in ((coarse, tight), (coarsest, coarse)))
@@ -242,11 +242,11 @@ def reference_from_file(file: Path, names: Sequence[str], nominal: Vector, span:
 
     `nominal`: magnitudes of the variables, shape (k,).
 
-    JSON holds, at the top or under "reference", `values`: numbers (or decimal strings) by the paths of variables, at
-    the end of the run, and if known `trusted_digits`.
+    JSON contains, at the top or under "reference", `values`: numbers (or decimal strings) by the paths of variables, at
+    the end of the run, and optionally `trusted_digits`.
 
-    Raises UsageError: AC010 for variables it lacks, AC011 when it is shorter than the run, AC013, AC014 when it cannot
-    be read.
+    Raises UsageError: AC010 for missing variables, AC011 if it is shorter than the run, AC013, AC014 if it cannot be
+    read.
     """
     start, stop = span
     times = start + (stop - start) * np.arange(POINTS * FINE + 1) / (POINTS * FINE)

@@ -14,10 +14,10 @@ from acausal.reduce.outputs import fitting
 from acausal.result.result import Result
 from acausal.simulate.record.record import signals
 
-# Largest number of variables that replace states in a model without any.
-_MOST = 100
+# Maximum number of variables that replace states in a model without states.
+_MOST_VARIABLES = 100
 POINTS = 200
-"""Points of the grid after the start, as the conventions of the published test sets have it."""
+"""Points of the grid after the start, as in the published test sets."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +29,15 @@ class Trajectory:
     values: Vector
 
     def every(self, stride: int) -> Trajectory:
-        """Each `stride`-th point from the first on."""
+        """Every `stride`-th point from the first on."""
         return Trajectory(self.times[::stride], self.names, self.values[::stride])
 
 
 def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """Names of the compared scalars: requested ones, with arrays expanded and `*` as wildcard, or all states.
 
-    Raises UsageError: AC010 for an unknown name, AC040 when nothing is left that could be compared.
+    Raises UsageError: AC010 for an unknown name, AC040 if there is nothing to compare.
     """
-
     known = signals(compiled, np.array(compiled.parameter_values, dtype=float))
     if wanted:
         shell = Result(compiled.name, np.zeros(1), np.zeros((1, len(compiled.columns))), known)
@@ -48,8 +47,8 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
     else:
         dynamic = compiled.states[: compiled.n_dynamic] or compiled.states
         moving = {name for name, signal in known.items() if signal.column is not None and not signal.parameter}
-        # without states of the model's own, all varying variables, up to a readable number
-        found = [name for name in dynamic if name in moving] or sorted(moving)[:_MOST]
+        # without states, all varying variables, up to a readable number
+        found = [name for name in dynamic if name in moving] or sorted(moving)[:_MOST_VARIABLES]
     if not found:
         raise UsageError(
             "AC040",
@@ -60,9 +59,9 @@ def components(compiled: CompiledModel, wanted: Sequence[str] | None) -> tuple[s
 
 
 def sampled(result: Result, names: Sequence[str], points: int, span: float) -> Trajectory:
-    """Values after each of `points` equal intervals; the run's output grid contains them. After an event, if there.
+    """Values after each of `points` equal intervals, which the output grid of the run contains; at an event, after it.
 
-    A run that the model itself has ended before `span` keeps its last values.
+    If the model terminates its run before `span`, the last values are repeated.
     """
     times = float(result.time[0]) + span * np.arange(points + 1) / points
     rows = np.searchsorted(result.time, times + 1e-11 * span, side="right") - 1

@@ -16,8 +16,8 @@ class BdfEffect:
 
     order: int
     step: float  # the step [s] whose local error is the tolerance
-    # `per_period`, `over_run`: factors on the amplitude beyond the mode's own damping, over one period and over the
-    # run.
+    # `per_period`, `over_run`: factors on the amplitude, in addition to the damping of the mode itself, over one period
+    # and over the run.
     per_period: float
     over_run: float
 
@@ -41,8 +41,8 @@ def bdf_effects(eigenvalue: complex, span: float, tolerance: float) -> tuple[Bdf
     found = []
     period = 2.0 * math.pi / abs(eigenvalue.imag)
     for order in ORDERS:
-        reach = min(((order + 1) * tolerance) ** (1.0 / (order + 1)), 1.0)
-        step = reach / abs(eigenvalue)
+        angle = min(((order + 1) * tolerance) ** (1.0 / (order + 1)), 1.0)
+        step = angle / abs(eigenvalue)
         q = principal_root(order, step * eigenvalue)
         rate = (math.log(abs(q)) - step * eigenvalue.real) / step
         found.append(BdfEffect(order, step, _factor(rate * period), _factor(rate * span)))

@@ -22,7 +22,7 @@ from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
 
 BELOW, ABOVE = 0.9, 1.1
-"""Fractions of the largest step at which it is verified."""
+"""Fractions of the largest stable step at which it is verified."""
 _SIZE = 1e-6
 _MOST_STEPS = 400
 
@@ -54,7 +54,7 @@ class Limit:
     """Stability limits of one method on a run."""
 
     method: Method
-    # Largest step [s] with |R| <= 1 for every mode at every point; inf: any; 0: none, for an undamped mode.
+    # Largest step [s] with |R| <= 1 for every mode at every point; inf: any step; 0: none, for an undamped mode.
     largest_step: float
     usable_step: float  # largest step [s] at which no mode grows more than twofold beyond its own growth
     # `mode`, `usable_by`: the modes that limit the two; None without limit.
@@ -100,8 +100,8 @@ def limits(run: Trajectory, locals: Sequence[Local], check: bool = True) -> tupl
         if check and limit.mode is not None and 0.0 < limit.largest_step < math.inf:
             point = next(local.point for local in locals if local.point.t == limit.mode.t)
             tried = [
-                _verify(run, problem, method, point, limit.mode.eigenvalue, share * limit.largest_step)
-                for share in (BELOW, ABOVE)
+                _verify(run, problem, method, point, limit.mode.eigenvalue, fraction * limit.largest_step)
+                for fraction in (BELOW, ABOVE)
             ]
             limit = replace(limit, below=tried[0], above=tried[1])
         found.append(limit)
@@ -126,7 +126,7 @@ def _limit(run: Trajectory, locals: Sequence[Local], method: Method) -> Limit:
 def _verify(
     run: Trajectory, problem: Problem, method: Method, point: Point, eigenvalue: complex, step: float
 ) -> Check | None:
-    """Verify a step by two runs from a point, one of them disturbed in a mode; None if that is impossible."""
+    """Verify a step by two runs from a point, one of them disturbed in a mode; None if this is impossible."""
     matrix = StateMatrix(run.compiled, run.p, run.u)
     if matrix.size > LARGEST_DENSE:
         return None
@@ -144,7 +144,7 @@ def _verify(
             tried.append(Check(step, steps, measured, predicted))
             if abs(measured / predicted - 1.0) < 0.02:
                 break
-        # the mode changes along the run: fewer steps show it at this point
+        # the mode changes along the run: fewer steps show its effect at this point
         steps //= 4
     return min(tried, key=lambda c: abs(math.log(c.measured / c.predicted)), default=None)
 

@@ -12,7 +12,7 @@ from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.study.stability.trajectory import Point, Trajectory
 
 # Smallest participation for which a state is named.
-_SMALLEST_SHARE = 0.05
+_LEAST_PARTICIPATION = 0.05
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Mode:
     def text(self) -> str:
         """Text of the eigenvalue."""
         v = self.eigenvalue
-        # parts below a millionth of the magnitude are rounding
+        # parts below a millionth of the magnitude are rounding errors
         real = 0.0 if abs(v.real) < 1e-6 * abs(v) else v.real
         return f"{real:.4g} 1/s" if abs(v.imag) <= 1e-6 * abs(v) else f"{real:.4g} +- {abs(v.imag):.4g}i 1/s"
 
@@ -50,7 +50,7 @@ class Mode:
             "damping_ratio": self.damping,
             "time_constant": 1.0 / abs(self.eigenvalue) if self.eigenvalue else None,
             "states": [name for name, _ in self.states],
-            "participation": {name: share for name, share in self.states},
+            "participation": dict(self.states),
         }
 
 
@@ -99,7 +99,7 @@ def mode(run: Trajectory, local: Local, eigenvalue: complex) -> Mode:
     found = matrix.at(point.t, point.x, point.z, point.m)
     if found is None:
         return Mode(complex(eigenvalue), point.t, ())
-    share = participation(found, eigenvalue)
-    order = np.argsort(-share, kind="stable")
-    states = tuple((matrix.names[k], float(share[k])) for k in order[:6] if share[k] >= _SMALLEST_SHARE)
+    parts = participation(found, eigenvalue)
+    order = np.argsort(-parts, kind="stable")
+    states = tuple((matrix.names[k], float(parts[k])) for k in order[:6] if parts[k] >= _LEAST_PARTICIPATION)
     return Mode(complex(eigenvalue), point.t, states)
