@@ -23,9 +23,9 @@ error[AC302]: OverFixed: the start value spring.s_rel = 2 contradicts mass.s = 1
   at      test_start_messages.py:N
               self.spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
                             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
-          given too:
+          also given:
             mass.s = 1   (test_start_messages.py:N)
-  cause   more is fixed at the start than the 2 states can follow: mass.s and mass.v
+  cause   more is fixed at the start than the 2 states can satisfy: mass.s and mass.v
   help    remove one of them, or make it a guess: s_rel=guess(2)
 """,
 )

@@ -1,4 +1,4 @@
-"""What is wrong with a start, in the words of the model: contradictions, singular systems, undefined values."""
+"""Errors of a start in terms of the model: contradictions, singular systems, undefined values."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.start.finite import UNDEFINED, Undefined
 
-_ROUNDING = 1e-13  # a slope, by nominal magnitudes, that is left of terms that cancel
+_ROUNDING = 1e-13  # slope in nominal magnitudes that remains of terms that cancel
 
 
 def contradicting(
     compiled: CompiledModel, condition: Condition, off: float, x: Vector, p: Vector
 ) -> InitializationError:
-    """AC302: a condition that does not hold when all the others do.
+    """AC302: a condition that does not hold if all others do.
 
-    `off`: By how much the value, or the left side of the equation, is too large.
-    `x`, `p`: States as the other conditions make them, shape (nx,), and parameters.
+    `off`: The excess of the value, or of the left side of the equation.
+    `x`, `p`: States according to the other conditions, shape (nx,), and parameters.
     """
     given = _value(compiled, condition, p)
-    own = f"{condition.text} ", f"d/dt ({condition.text})"
-    others = [text for text in _others(compiled, condition, x, p) if not text.startswith(own)]
-    other, make = (others[0].partition("   (")[0], "makes") if len(others) == 1 else ("the others", "make")
+    own_texts = f"{condition.text} ", f"d/dt ({condition.text})"
+    others = [text for text in _others(compiled, condition, x, p) if not text.startswith(own_texts)]
+    other, verb = (others[0].partition("   (")[0], "makes") if len(others) == 1 else ("the others", "make")
     if given is None:
         fact = f"the start equation `{condition.text}` contradicts {other}: it is off by {off:g}"
         advice = "make one of the others a guess(...)"
         if any(compiled.flat.text(e) == condition.text for e in compiled.flat.initial_equations):
             advice = f"remove it, or {advice}"
     else:
-        fact = f"the start value {condition.text} = {given:g} contradicts {other}, which {make} it {given + off:g}"
+        fact = f"the start value {condition.text} = {given:g} contradicts {other}, which {verb} it {given + off:g}"
         field = condition.text.rpartition(".")[2]
         advice = f"remove one of them, or make it a guess: {field}=guess({given:g})"
     cause = "the equations determine it at every time: no state is left to be chosen at the start"
     if compiled.continuous:
         states = counted(len(compiled.continuous), "state")
-        cause = f"more is fixed at the start than the {states} can follow: {listed(compiled.continuous)}"
+        cause = f"more is fixed at the start than the {states} can satisfy: {listed(compiled.continuous)}"
     return InitializationError(
         "AC302",
         f"{compiled.name}: {fact}",
-        where=condition.where or _model_at(compiled),
-        evidence=["given too:", *(f"  {text}" for text in others)] if others else [],
+        where=condition.where or _model_span(compiled),
+        evidence=["also given:", *(f"  {text}" for text in others)] if others else [],
         cause=cause,
         help=advice,
     )
@@ -60,13 +60,13 @@ def off_constraint(
     """AC302: a constraint, or its derivative, that the start does not satisfy.
 
     `off`: Left side minus right side.
-    `x`, `p`: States as far as they were found, shape (nx,), and parameters.
+    `x`, `p`: The last states of the search, shape (nx,), and parameters.
     """
     others = _others(compiled, condition, x, p)
     return InitializationError(
         "AC302",
         f"{compiled.name}: no start satisfies the constraint `{condition.text}`: it is off by {off:g}",
-        where=condition.where or _model_at(compiled),
+        where=condition.where or _model_span(compiled),
         evidence=["with", *(f"  {text}" for text in others)] if others else [],
         cause="the fixed positions or velocities are inconsistent, or the mechanism is in a singular position there",
         help="give fixed(...) to no more than the degrees of freedom, and a guess(...) to the rest; or start elsewhere",
@@ -82,30 +82,30 @@ def _value(compiled: CompiledModel, condition: Condition, p: Vector) -> float | 
 
 
 def _others(compiled: CompiledModel, condition: Condition, x: Vector, p: Vector) -> list[str]:
-    """The other conditions that concern the same states, with their places."""
+    """The other conditions that concern the same states, with their source locations."""
     reach = Dependence(compiled.solution)
-    mine = reach.of(condition.node)
-    if mine & set(compiled.solution.algebraic):
-        mine |= {v for r in compiled.solution.residuals for v in reach.of(r)}
+    variables = reach.of(condition.node)
+    if variables & set(compiled.solution.algebraic):
+        variables |= {v for r in compiled.solution.residuals for v in reach.of(r)}
     reduced = compiled.solution.structure.reduced
-    found = []
+    texts = []
     for k, state in enumerate(compiled.state_variables):
-        if state in mine and state in compiled.start.direct:
+        if state in variables and state in compiled.start.direct:
             starts = [s for a in reduced.aliases.get(state, ()) if (s := compiled.flat.starts.get(a)) and s.is_fixed]
             spans = [s.origin.span() for s in starts[:1] if s.origin is not None]
-            found.append(f"{compiled.states[k]} = {x[k]:g}{_placed(spans)}")
+            texts.append(f"{compiled.states[k]} = {x[k]:g}{_at(spans)}")
     for other in (*compiled.start.conditions, *compiled.start.surplus):
-        if other is not condition and reach.of(other.node) & mine:
+        if other is not condition and reach.of(other.node) & variables:
             given = _value(compiled, other, p)
-            found.append(other.text + ("" if given is None else f" = {given:g}") + _placed(other.where))
-    return found[:6]
+            texts.append(other.text + ("" if given is None else f" = {given:g}") + _at(other.where))
+    return texts[:6]
 
 
-def _placed(spans: Sequence[Span]) -> str:
+def _at(spans: Sequence[Span]) -> str:
     return f"   ({short(spans[0])})" if spans else ""
 
 
-def _model_at(compiled: CompiledModel) -> tuple[Span, ...]:
+def _model_span(compiled: CompiledModel) -> tuple[Span, ...]:
     return made_at(compiled.flat, "")
 
 
@@ -117,20 +117,20 @@ def not_found(
     jacobians: Sequence[Any],
     off: tuple[int, float] | None,
 ) -> InitializationError:
-    """AC304 when the start system is singular and could be satisfied, else AC301: Newton's method did not get there.
+    """AC304 if the start system is singular but consistent, AC302 if it contradicts itself, otherwise AC301.
 
     Parameters
     ----------
     free
-        States that are solved for; then come the algebraic variables.
+        Indices of the states among the unknowns; then come the algebraic variables.
     guesses
         Where the iteration started, in the units of the model.
     residuals
         Values of the conditions and equations there.
     jacobians
-        Their slopes at the guess and near it, shape (n, n) each.
+        Their Jacobians at the guess and near it, shape (n, n) each.
     off
-        The condition that stays off wherever the states go, and by how much; None where there is none.
+        The condition that no states satisfy, and its least residual; None if there is no such condition.
     """
     names = [compiled.states[i] for i in free] + list(compiled.algebraic)
     labels, spans = _labels(compiled, bool(free))
@@ -150,7 +150,7 @@ def not_found(
     return InitializationError(
         "AC301",
         f"{compiled.name}: no start found for {listed(names, 4)}",
-        where=[s for k in worst[:1] if k < len(spans) for s in spans[k]] or _model_at(compiled),
+        where=[s for k in worst[:1] if k < len(spans) for s in spans[k]] or _model_span(compiled),
         evidence=["largest residuals at the guesses:"]
         + [f"  {residuals[k]:.3g}   in   {labels[k] if k < len(labels) else k}" for k in worst]
         + [f"guesses: {listed(shown)}"],
@@ -162,14 +162,14 @@ def not_found(
 def _out_of_reach(
     compiled: CompiledModel, condition: Condition, off: float, names: Sequence[str], guesses: Sequence[str]
 ) -> InitializationError:
-    """AC301: the states that the start leaves free cannot satisfy a condition, as far as they were moved."""
+    """AC301: no values of the free states were found that satisfy a condition."""
     flat = compiled.flat
     stated = [e for e in flat.equations if flat.text(e) == condition.text]
     given = [n for n, v in zip(compiled.states, compiled.state_variables, strict=True) if v in compiled.start.direct]
     return InitializationError(
         "AC301",
-        f"{compiled.name}: no start satisfies `{condition.text}`: it is off by {off:g} where it is nearest",
-        where=places(flat, stated[:1]) or condition.where or _model_at(compiled),
+        f"{compiled.name}: no start satisfies `{condition.text}`: it is off by {off:g} at best",
+        where=places(flat, stated[:1]) or condition.where or _model_span(compiled),
         evidence=[f"guesses: {listed(guesses)}", *([f"given: {listed(given, 6)}"] if given else [])],
         cause="the given values are inconsistent (a loop that does not close), or the guesses lead elsewhere",
         help=f"give other values, or better guesses: {', '.join(f'{n}=guess(...)' for n in names[:2])}",
@@ -177,29 +177,29 @@ def _out_of_reach(
 
 
 def _labels(compiled: CompiledModel, with_conditions: bool) -> tuple[list[str], list[tuple[Span, ...]]]:
-    """Texts and places of the rows of the start system: conditions, then equations."""
+    """Texts and source locations of the rows of the start system: conditions, then equations."""
     labels, spans = [], []
     for c in compiled.start.conditions if with_conditions else ():
-        labels.append(("start value of " if c.scalar is not None else "start equation ") + c.text + _placed(c.where))
+        labels.append(("start value of " if c.scalar is not None else "start equation ") + c.text + _at(c.where))
         spans.append(c.where)
     structure, reach = compiled.solution.structure, Dependence(compiled.solution)
     reduced = structure.reduced
-    row = {node: k for k, node in enumerate(structure.residuals)}
+    row_of = {node: k for k, node in enumerate(structure.residuals)}
     for node in compiled.solution.residuals:
-        if node not in row:
-            held = sorted(reach.of(node) & set(compiled.solution.algebraic))
-            unknowns = listed((reduced.name(v) for v in held), 3)
-            labels.append("an equation" + (f" for {unknowns}" if held else ""))
+        if node not in row_of:
+            unknown_variables = sorted(reach.of(node) & set(compiled.solution.algebraic))
+            unknowns = listed((reduced.name(v) for v in unknown_variables), 3)
+            labels.append("an equation" + (f" for {unknowns}" if unknown_variables else ""))
             spans.append(())
             continue
-        equation = compiled.flat.equations[structure.flat_equation(row[node])]
+        equation = compiled.flat.equations[structure.flat_equation(row_of[node])]
         labels.append(line(compiled.flat, equation))
         spans.append(tuple(places(compiled.flat, [equation])))
     return labels, spans
 
 
 def _common_null(jacobians: Sequence[Any]) -> tuple[Vector, Vector] | None:
-    """Left and right null vector, if every one of the matrices is singular."""
+    """Left and right null vectors of the first matrix if all matrices are singular, otherwise None."""
     found: tuple[Vector, Vector] | None = None
     for jacobian in jacobians:
         matrix = np.atleast_2d(np.array(jacobian, dtype=float))
@@ -220,7 +220,7 @@ def _contradiction(
     residuals: Vector,
     jacobians: Sequence[Any],
 ) -> InitializationError | None:
-    """AC302 when linear conditions have one left side and different right ones; None for others."""
+    """AC302 if linear conditions have equal left sides but different right sides; otherwise None."""
     first, *others = (np.array(j, dtype=float) for j in jacobians)
     u, s, _ = np.linalg.svd(first)
     weights = u[:, s <= 1e-11 * s[0]]
@@ -235,7 +235,7 @@ def _contradiction(
         return InitializationError(
             "AC302",
             f"{compiled.name}: the start equations {listed(names, 3)} contradict each other",
-            where=[s for k in rows[:2] for s in spans[k]] or _model_at(compiled),
+            where=[s for k in rows[:2] for s in spans[k]] or _model_span(compiled),
             evidence=["together they demand 0 == " + f"{abs(off):g}:", *(f"  {labels[k]}" for k in rows[:6])],
             cause="start conditions determine the same quantity with different values",
             help="remove one of them, or replace it by a condition for something else",
@@ -252,19 +252,19 @@ def _singular(
 ) -> InitializationError:
     rows = np.flatnonzero(np.abs(null[0]) > 1e-6).tolist()
     open_ones = [names[k] for k in np.flatnonzero(np.abs(null[1]) > 1e-6).tolist()]
-    if len(rows) == 1:  # it depends on no other: its factors vanish by themselves
+    if len(rows) == 1:  # independent of the others: its factors are zero by themselves
         return InitializationError(
             "AC304",
             f"{compiled.name}: an equation says nothing about {listed(open_ones, 4)} at the start",
-            where=spans[rows[0]] or _model_at(compiled),
+            where=spans[rows[0]] or _model_span(compiled),
             evidence=[labels[rows[0]]],
-            cause=f"what {listed(open_ones, 4)} is multiplied by is zero there",
+            cause=f"{listed(open_ones, 4)} is multiplied by zero there",
             help="start elsewhere, or state the equation so that it holds there too",
         )
     return InitializationError(
         "AC304",
         f"{compiled.name}: the start conditions do not determine {listed(open_ones, 4)}",
-        where=[s for k in rows[:2] for s in spans[k]] or _model_at(compiled),
+        where=[s for k in rows[:2] for s in spans[k]] or _model_span(compiled),
         evidence=["these depend on each other at the start:", *(f"  {labels[k]}" for k in rows[:6])],
         cause="start conditions are redundant, perhaps with different values",
         help=f"replace one of them by a condition for {open_ones[0]}, for example {open_ones[0]}=fixed(...)",
@@ -272,7 +272,7 @@ def _singular(
 
 
 def left_open(compiled: CompiledModel, free: Sequence[int], jacobians: Sequence[Any]) -> tuple[str, ...]:
-    """A note that names what start conditions leave open although they can be satisfied."""
+    """A note that names unknowns that the start conditions do not determine although they can be satisfied."""
     null = _common_null(jacobians)
     if null is None:
         return ()

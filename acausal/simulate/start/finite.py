@@ -1,4 +1,4 @@
-"""Which equation has no finite value at a point."""
+"""Finds the equation that has no finite value at a point."""
 
 from __future__ import annotations
 
@@ -33,9 +33,11 @@ _SIMPLE = ("var", "par", "const", "time", "neg")
 
 
 class Undefined(NamedTuple):
-    """A variable without a finite value, the equation it is solved from, `name = value` of what is in that, and why.
+    """A variable without a finite value, and the equation from which it is computed.
 
-    `reason` is None where no single operation is to blame; `parameter` is the path of the one whose value is.
+    `inside`: `name = value` of the variables and parameters in that equation.
+    `reason`: The operation that has no finite value; None if there is no single one.
+    `parameter`: The path of the parameter that causes it, or None.
     """
 
     variable: str
@@ -48,7 +50,7 @@ class Undefined(NamedTuple):
 def first_undefined(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
 ) -> Undefined | None:
-    """The first variable, in solving order, that has no finite value; None where all have one."""
+    """The first variable, in evaluation order, that has no finite value; None if all are finite."""
     if functions_of(compiled).are_finite(t, x, z, u, p, m):
         return None
     solution = compiled.solution
@@ -64,7 +66,7 @@ def first_undefined(
         if not np.isfinite(value):
             equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
             return Undefined(
-                reduced.name(variable), equation, _inside(reduced, node, leaves), *_why(reduced, node, leaves)
+                reduced.name(variable), equation, _inside(reduced, node, leaves), *_reason(reduced, node, leaves)
             )
     return _constant(compiled, p)
 
@@ -72,14 +74,16 @@ def first_undefined(
 def _inside(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str, ...]:
     """`name = value` of the variables and parameters below a node, variables first."""
     found = {reduced.pool.nodes[n] for n in reduced.pool.reachable([node])}
-    known = len(reduced.flat.parameter_names)  # behind them is the rate of stabilisation, which nobody has given
+    known = len(
+        reduced.flat.parameter_names
+    )  # then comes the rate of stabilisation, which is no parameter of the model
     leaf = ((op, k) for op, *rest in found if op in ("var", "par") for k in rest)
     held = sorted((op != "var", k, op) for op, k in leaf if op == "var" or k < known)
     return tuple(f"{reduced.leaf_name(op, k)} = {float(leaves[op](k)):g}" for _, k, op in held)
 
 
-def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None, str | None]:
-    """What the first operation without a finite value does to finite numbers, and the parameter it does it to."""
+def _reason(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None, str | None]:
+    """Describe the first operation whose value is not finite although its operands are; and its parameter, if any."""
     pool = reduced.pool
     known = values(pool, [node], leaves)
 
@@ -97,15 +101,15 @@ def _why(reduced: ReducedSystem, node: int, leaves: Leaves) -> tuple[str | None,
     if op == "par" and not is_finite(node):
         name = reduced.leaf_name(op, operands[0])
         return f"{name} is {float(np.ravel(known[node])[0]):g}", name
-    said = _WORDS.get(op)
-    if said is None or is_finite(node):
+    words = _WORDS.get(op)
+    if words is None or is_finite(node):
         return None, None
-    guilty = operands[1 if op == "div" else 0]
-    shown = reduced.text(guilty, 60)
-    value = float(np.ravel(known[guilty])[0])
+    operand = operands[1 if op == "div" else 0]
+    shown = reduced.text(operand, 60)
+    value = float(np.ravel(known[operand])[0])
     tail = f", to the power of {float(np.ravel(known[operands[1]])[0]):g}" if op == "pow" else ""
-    is_parameter = pool.nodes[guilty][0] == "par"
-    return f"{said.format(shown)} {value:g}{tail}", shown if is_parameter else None
+    is_parameter = pool.nodes[operand][0] == "par"
+    return f"{words.format(shown)} {value:g}{tail}", shown if is_parameter else None
 
 
 def _constant(compiled: CompiledModel, p: Vector) -> Undefined | None:
@@ -124,6 +128,6 @@ def _constant(compiled: CompiledModel, p: Vector) -> Undefined | None:
             holds = (e for e in flat.equations if scalar in flat.pool.variables_in(e.left, e.right))
             equation = next(holds, flat.equations[0])
             leaves: Leaves = {"par": p.__getitem__, "time": lambda _: 0.0}
-            inside, why = _inside(reduced, node, leaves), _why(reduced, node, leaves)
+            inside, why = _inside(reduced, node, leaves), _reason(reduced, node, leaves)
             return Undefined(flat.scalar_name(scalar), equation, inside, *why)
     return None

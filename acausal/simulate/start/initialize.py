@@ -1,4 +1,4 @@
-"""Consistent start values: a problem of its own, solved before any integrator is made."""
+"""Consistent start values: a separate problem, solved before any integrator is created."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from acausal.simulate.start.nearest import nearest_start, unreachable
 
 _MOST_BLOCKS = 200
 _LARGEST_RANK = 200
-# Newton steps before the thorough search begins, at the start and at events: after a jump there is little hope.
-_MOST, _AT_ONCE = 30, 8
-# How far a start may be off stabilised constraints, by the size of what moves them.
-_CLOSED = 1e-7
-# What a condition may be off by; and how far from its guess a variable is looked for again, by its size.
-_HOLDS, _FAR = 1e-7, 0.1
+# Newton steps before the robust methods are tried, at the start and at events, after which they often fail.
+_MOST_STEPS, _MOST_STEPS_AT_EVENT = 30, 8
+# The largest error of stabilised constraints at the start, relative to the sizes of their terms.
+_ON_CONSTRAINTS = 1e-7
+# The largest residual of a condition; and the relative deviation from a guess beyond which another root is looked for.
+_SATISFIED, _FAR = 1e-7, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A consistent point: states, algebraic variables, and sentences about what was chosen."""
+    """A consistent point: states, algebraic variables, and notes on what was chosen."""
 
     x: Vector
     z: Vector
@@ -45,20 +45,20 @@ class Start:
 def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
     """Solve the start conditions together with the algebraic equations.
 
-    Modes of relations of variables, and states of discrete variables, are decided on the way and written into `m`.
+    The modes of relations of variables are determined, too, and written into `m`.
 
-    Raises InitializationError: AC301 when Newton's method and continuation both fail, AC304 when that is because
-    conditions depend on each other, AC302 when conditions contradict each other, or no state satisfies all constraints
-    with them, AC303 when the equations are not defined at the start (division by zero, root of a negative number).
+    Raises InitializationError: AC301 if Newton's method and continuation both fail; AC304 if that is because conditions
+    are redundant; AC302 if conditions contradict each other, or no state satisfies them and all constraints; AC303 if
+    the equations are undefined at the start (division by zero, root of a negative number).
     """
-    start = _decided(compiled, t, p, u, m) if compiled.state_events else _initialized(compiled, t, p, u, m, {})
+    start = _with_relations(compiled, t, p, u, m) if compiled.state_events else _initialized(compiled, t, p, u, m, {})
     _check_surplus(compiled, t, start.x, start.z, u, p, m)
     _check_constraints(compiled, t, start.x, start.z, u, p, m)
     return start
 
 
-def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
-    """The start together with relations and discrete equations, which are decided by the solution they lead to."""
+def _with_relations(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
+    """The start together with relations and discrete equations, by fixed-point iteration."""
     x, z = functions_of(compiled).guess(p)
     events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
     memories = compiled.n_timely + len(events.samples)
@@ -68,32 +68,32 @@ def _decided(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector)
     m[memories:flags] = reactions(t, x, z, u, p, m)[4]
     m[flags:relations] = [float(nodes[n][0] == "initial") for n in events.flags]
     m[relations:] = truths(compiled, t, x, z, u, p, m)
-    places = [a.position for a in events.assignments]
-    given: dict[int, float] = {k: x[k] for k in places}
+    assigned_states = [a.position for a in events.assignments]
+    assigned: dict[int, float] = {k: x[k] for k in assigned_states}
     seen: set[bytes] = set()
     start = Start(x, z, ())
     shares = functions_of(compiled).shares
-    while (key := m.tobytes() + np.array(list(given.values())).tobytes()) not in seen:
+    while (key := m.tobytes() + np.array(list(assigned.values())).tobytes()) not in seen:
         seen.add(key)
-        solved = m if shares is None else _creeping(shares, t, start, p, u, m, given)
-        start = _initialized(compiled, t, p, u, solved, given)
+        solved = m if shares is None else _with_creep(shares, t, start, p, u, m, assigned)
+        start = _initialized(compiled, t, p, u, solved, assigned)
         m[relations:] = truths(compiled, t, start.x, start.z, u, p, m)
-        given = dict(zip(places, reactions(t, start.x, start.z, u, p, m)[1], strict=True))
+        assigned = dict(zip(assigned_states, reactions(t, start.x, start.z, u, p, m)[1], strict=True))
     m[flags:relations] = 0.0
-    return start if shares is None else _exactly(compiled, shares, t, start, p, u, m, given)
+    return start if shares is None else _without_creep(compiled, shares, t, start, p, u, m, assigned)
 
 
-def _creeping(
+def _with_creep(
     shares: Shares, t: float, start: Start, p: Vector, u: Vector, m: Vector, assigned: dict[int, float]
 ) -> Vector:
-    """Modes under which elements of friction creep: the first guess is that all of them stick, which may contradict."""
+    """Modes with which friction elements creep, because the first guess, that all of them stick, may contradict."""
     x, m = start.x.copy(), m.copy()
     x[list(assigned)] = list(assigned.values())
     m[shares.place] = shares.creep(t, x, start.z, u, p, m)
     return m
 
 
-def _exactly(
+def _without_creep(
     compiled: CompiledModel,
     shares: Shares,
     t: float,
@@ -103,7 +103,7 @@ def _exactly(
     m: Vector,
     assigned: dict[int, float],
 ) -> Start:
-    """The start without creep: states that are solved for have felt it, algebraic variables are found again anyway."""
+    """The start without creep, solved again if it affects states; algebraic variables are solved for later anyway."""
     if not _free(compiled):
         return start
     border = shares.border(compiled, t, start.x, start.z, u, p, m)
@@ -111,7 +111,7 @@ def _exactly(
 
 
 def _free(compiled: CompiledModel) -> list[int]:
-    """Places of the states that the start conditions are solved for."""
+    """Indices of the states for which the start conditions are solved."""
     known = {*compiled.start.direct, *compiled.start.defaulted}
     return [k for k, v in enumerate(compiled.state_variables) if v not in known]
 
@@ -125,25 +125,25 @@ def _initialized(
     free = _free(compiled)
     notes = _defaulted(compiled, x)
     failure: InitializationError | None = None
-    lost = False
+    is_doubtful = False
     if free or len(z):
         newton = functions_of(compiled).newton(tuple(free))
-        found = None if newton is None else newton.solve(t, x, z, u, p, m, _MOST)
+        found = None if newton is None else newton.solve(t, x, z, u, p, m, _MOST_STEPS)
         if found is None:
-            lost = bool(free)
+            is_doubtful = bool(free)
             _check_defined(compiled, t, x, z, u, p, m)
             try:
-                found = _thorough(compiled, t, x, z, u, p, m, free, assigned)
+                found = _robustly(compiled, t, x, z, u, p, m, free, assigned)
             except InitializationError as error:
-                failure, lost = error, True
+                failure, is_doubtful = error, True
         if found is not None:
             x, z = found
     left = _left_open(compiled, t, x, z, u, p, m, free) if failure is None else ()
-    opened = _opened(compiled, t, guess, (x, z), u, p, m, set(assigned), lost or bool(left))
-    if opened is not None:
-        return replace(opened, notes=left) if left else opened
-    if failure is not None or _is_off(compiled, t, x, z, u, p, m):
-        # of two roots Newton's method has taken the one that a condition it was not given excludes
+    open_start = _by_numbers(compiled, t, guess, (x, z), u, p, m, set(assigned), is_doubtful or bool(left))
+    if open_start is not None:
+        return replace(open_start, notes=left) if left else open_start
+    if failure is not None or _is_violated(compiled, t, x, z, u, p, m):
+        # Newton's method may have found a root that is excluded by a condition outside its system
         start = _nearest(compiled, t, *guess, u, p, m, set(assigned)) if failure is None else None
         start = start or _nearest(compiled, t, x, z, u, p, m, set(assigned))
         if start is None and failure is not None:
@@ -154,7 +154,7 @@ def _initialized(
     return Start(x, z, notes + left)
 
 
-def _opened(
+def _by_numbers(
     compiled: CompiledModel,
     t: float,
     guess: tuple[Vector, Vector],
@@ -163,28 +163,30 @@ def _opened(
     p: Vector,
     m: Vector,
     held: set[int],
-    lost: bool,
+    is_doubtful: bool,
 ) -> Start | None:
-    """The start in which all conditions hold and what they leave open is at its guess, in any order of declaration.
+    """The start in which all conditions hold and open variables keep their guesses, in any order of declaration.
 
-    None where structure has found it, or nobody does; `lost` says that it has not, or with effort, or one of many.
+    None if the start that structure has found stands, or if none is found here either.
+
+    `is_doubtful`: Whether structure has found no start, only one by robust methods, or one of many.
     """
-    if not (lost or compiled.start.defaulted or compiled.start.conditions or compiled.start.surplus):
+    if not (is_doubtful or compiled.start.defaulted or compiled.start.conditions or compiled.start.surplus):
         return None
-    opened = functions_of(compiled).open_start
-    if opened is None:
+    open_start = functions_of(compiled).open_start
+    if open_start is None:
         return None
     numbers = u, p, m
-    far = opened.misses(t, *reached, *numbers, guess[0])
-    lost = lost or opened.is_ambiguous or _is_off(compiled, t, *reached, *numbers)
-    found = opened.solve(t, *reached, *numbers, held) if lost else None
-    if (found is None and lost) or far > _FAR:
-        other = opened.solve(t, *opened.near(t, *guess, *numbers), *numbers, held)
+    deviation = open_start.largest_deviation(t, *reached, *numbers, guess[0])
+    is_doubtful = is_doubtful or open_start.is_ambiguous or _is_violated(compiled, t, *reached, *numbers)
+    found = open_start.solve(t, *reached, *numbers, held) if is_doubtful else None
+    if (found is None and is_doubtful) or deviation > _FAR:
+        other = open_start.solve(t, *open_start.closest_to_starts(t, *guess, *numbers), *numbers, held)
         if other is not None:
-            is_nearer = opened.misses(t, *other[:2], *numbers, guess[0]) < 0.5 * far
-            found = other if is_nearer or (lost and found is None) else found
-    if found is None and lost:
-        found = opened.met_best(t, *opened.near(t, *guess, *numbers), *numbers, held)
+            is_nearer = open_start.largest_deviation(t, *other[:2], *numbers, guess[0]) < 0.5 * deviation
+            found = other if is_nearer or (is_doubtful and found is None) else found
+    if found is None and is_doubtful:
+        found = open_start.least_deviations(t, *open_start.closest_to_starts(t, *guess, *numbers), *numbers, held)
     if found is None:
         return None
     x, z, names = found
@@ -196,18 +198,20 @@ def _opened(
     return Start(x, z, (note,) if names else ())
 
 
-def _is_off(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> bool:
-    """Whether a condition does not hold: structure took it as following from others, or Newton's method left it."""
+def _is_violated(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> bool:
+    """Whether a condition is violated, which structure took for redundant or Newton's method did not satisfy."""
     if not (compiled.start.conditions or compiled.start.surplus):
         return False
-    return any(np.abs(np.array(part)).max(initial=0.0) > _HOLDS for part in compiled.conditions(t, x, z, u, p, m))
+    return any(np.abs(np.array(part)).max(initial=0.0) > _SATISFIED for part in compiled.conditions(t, x, z, u, p, m))
 
 
 def _nearest(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, held: set[int]
 ) -> Start | None:
-    """The start nearest to the guesses in which all conditions hold, where they leave states open, or say more than
-    enough; None where they do not, or none is."""
+    """The start nearest to the guesses in which all conditions hold.
+
+    None if the conditions leave no state open and are not redundant, or if no such start is found.
+    """
     if not (compiled.start.defaulted or compiled.start.surplus):
         return None
     near = nearest_start(compiled, t, x, z, u, p, m, held)
@@ -223,7 +227,7 @@ def _nearest(
         return None
 
 
-def _thorough(
+def _robustly(
     compiled: CompiledModel,
     t: float,
     x: Vector,
@@ -234,11 +238,11 @@ def _thorough(
     free: list[int],
     assigned: dict[int, float],
 ) -> tuple[Vector, Vector]:
-    """States and algebraic variables where Newton's method alone does not find them."""
+    """States and algebraic variables by more robust methods than Newton's alone."""
     try:
         return _System(compiled, t, x, z, u, p, m, free).solve()
     except InitializationError:
-        near = torn_start(compiled, t, p, u, m, partial(_solved, assigned))
+        near = torn_start(compiled, t, p, u, m, partial(_start_values, assigned))
         if near is None:
             raise
         return _System(compiled, t, *near, u, p, m, free).solve()
@@ -247,7 +251,7 @@ def _thorough(
 def _left_open(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, free: list[int]
 ) -> tuple[str, ...]:
-    """A note when the solution that was found is one of many, so that the guesses have decided."""
+    """A note if the solution is one of many, so that the guesses have decided."""
     newton = functions_of(compiled).newton(tuple(free)) if free else None
     if newton is None or len(newton.scale) > _LARGEST_RANK:
         return ()
@@ -258,7 +262,7 @@ def _left_open(
     return left_open(compiled, free, [newton.buffered_slope(t, *at, u, p, m)[0] for at in ((x, z), there)])
 
 
-def _solved(
+def _start_values(
     assigned: dict[int, float], compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector
 ) -> tuple[Vector, Vector]:
     start = _initialized(compiled, t, p, u, m, assigned)
@@ -266,11 +270,14 @@ def _solved(
 
 
 def consistent(compiled: CompiledModel, t: float, start: Start, p: Vector, u: Vector, m: Vector) -> Start:
-    """Algebraic variables for the states of `start`, which stay: the problem after an event, not that of the start."""
+    """Solve for the algebraic variables with the states of `start`, as after an event, where conditions do not count.
+
+    Raises InitializationError: AC301, AC302, AC304 if there is no solution.
+    """
     if not len(start.z):
         return start
     newton = functions_of(compiled).newton()
-    found = None if newton is None else newton.solve(t, start.x, start.z, u, p, m, _AT_ONCE)
+    found = None if newton is None else newton.solve(t, start.x, start.z, u, p, m, _MOST_STEPS_AT_EVENT)
     if found is None:
         found = _System(compiled, t, start.x, start.z, u, p, m, []).solve()
     return Start(*found, start.notes)
@@ -291,8 +298,8 @@ def _defaulted(compiled: CompiledModel, x: Vector) -> tuple[str, ...]:
     )
 
 
-def _last_step(matrix: Vector, residual: Vector, y: Vector) -> float:
-    """Length of the Newton step that is left at `y`, relative to its entries; infinite where there is none."""
+def _remaining_step(matrix: Vector, residual: Vector, y: Vector) -> float:
+    """Length of the next Newton step at `y`, relative to its entries; infinite if the matrix is singular."""
     try:
         step = np.linalg.solve(matrix, residual)
     except np.linalg.LinAlgError:
@@ -302,7 +309,7 @@ def _last_step(matrix: Vector, residual: Vector, y: Vector) -> float:
 
 
 class _System:
-    """Unknowns: the free states and the algebraic variables, each divided by its nominal magnitude."""
+    """The start system; its unknowns are the free states and the algebraic variables in nominal magnitudes."""
 
     def __init__(
         self, compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, free: list[int]
@@ -324,7 +331,7 @@ class _System:
         self.arguments = arguments
 
     def solve(self) -> tuple[Vector, Vector]:
-        """Newton from the guesses, of all, then block by block; the model's homotopy; continuation from the guesses."""
+        """Try in turn: Newton for all unknowns, then block by block, the homotopy of the model, and continuation."""
         y0 = np.concatenate([self.x[self.free], self.z]) / self.scale
         found = self._newton(self.residual, y0)
         if found is None:
@@ -344,34 +351,34 @@ class _System:
         if residual.numel_out(0) != len(y0):
             return None
         settings = {
-            "abstol": 0.0,  # equations have units of their own, and one of picocoulombs is small anywhere: steps decide
+            "abstol": 0.0,  # only steps decide, because residuals have units, and picocoulombs are always small
             "abstolStep": 1e-11,
             "max_iter": 400,
             "error_on_fail": False,
             "show_eval_warnings": False,
         }
-        try:  # CasADi refuses a structurally singular Jacobian when the rootfinder is made: a mass of 0 kg
+        try:  # CasADi refuses to create a rootfinder with a structurally singular Jacobian, as of a mass of 0 kg
             found = np.array(ca.rootfinder("start", "newton", residual, settings)(y0)).ravel()
         except RuntimeError:
             return None
-        off = np.array(residual(found)).ravel()
-        at = np.abs(off)
-        good = np.isfinite(found).all() and np.isfinite(at).all()
-        if not good:
+        residuals = np.array(residual(found)).ravel()
+        sizes_of_residuals = np.abs(residuals)
+        is_finite = np.isfinite(found).all() and np.isfinite(sizes_of_residuals).all()
+        if not is_finite:
             return None
         matrix = residual.factory("slope", ["y"], ["jac:r:y"])(found)
-        # unknowns that a singular matrix has driven far off would make any residual small: those at the guesses count
-        size = np.array(ca.fabs(matrix) @ (1.0 + np.abs(y0)) + ca.fabs(residual(y0))).ravel()
-        if (at <= 1e-8 * np.nan_to_num(size, nan=1.0)).all():
+        # sizes at the guesses, because unknowns that a singular matrix has made huge would excuse any residual
+        terms = np.array(ca.fabs(matrix) @ (1.0 + np.abs(y0)) + ca.fabs(residual(y0))).ravel()
+        if (sizes_of_residuals <= 1e-8 * np.nan_to_num(terms, nan=1.0)).all():
             return found
-        # Large terms that cancel, a stiff spring over a long way, leave more than that by rounding alone.
-        return found if _last_step(np.array(matrix), off, found) <= 1e-10 else None
+        # Large terms that cancel, such as those of a stiff spring over a long distance, leave larger rounding errors.
+        return found if _remaining_step(np.array(matrix), residuals, found) <= 1e-10 else None
 
     def _by_blocks(self, y0: Vector) -> Vector | None:
-        """Newton's method on one block of the triangular form after the other, each with what is known by then.
+        """Newton's method on the blocks of the triangular form, one after the other.
 
-        A step of all unknowns together is shortened as the worst of them demands, also of those that only follow: a
-        rate whose factor passes through zero on the way keeps a harmless position from being found.
+        A step of all unknowns together is shortened as the worst of them requires, even if others do not depend on it:
+        a rate whose factor passes through zero on the way would prevent a harmless position from being found.
         """
         if self.residual.numel_out(0) != len(y0):
             return None
@@ -380,19 +387,21 @@ class _System:
             return None
         y = y0.copy()
         for k in reversed(range(count)):
-            own_rows = rows[first_row[k] : first_row[k + 1]]
-            own = columns[first_column[k] : first_column[k + 1]]
-            part = ca.SX.sym("y", len(own))
-            whole = ca.SX(ca.DM(y))
-            whole[own] = part
-            found = self._newton(ca.Function("block", [part], [self.residual(whole)[own_rows]], ["y"], ["r"]), y[own])
+            block_rows = rows[first_row[k] : first_row[k + 1]]
+            block = columns[first_column[k] : first_column[k + 1]]
+            unknowns = ca.SX.sym("y", len(block))
+            all_unknowns = ca.SX(ca.DM(y))
+            all_unknowns[block] = unknowns
+            found = self._newton(
+                ca.Function("block", [unknowns], [self.residual(all_unknowns)[block_rows]], ["y"], ["r"]), y[block]
+            )
             if found is None:
                 return None
-            y[own] = found
+            y[block] = found
         return y
 
     def _homotopy(self, y0: Vector) -> Vector | None:
-        """From the simplified system that the model states by `homotopy(...)` to the actual one."""
+        """Continuation from the simplified system that the model states by `homotopy(...)` to the actual one."""
         if self.compiled.homotopy is None or self.residual.numel_out(0) != len(y0):
             return None
         y, _ = self.symbols
@@ -403,7 +412,7 @@ class _System:
         return None if simplified is None else self._follow(moved, simplified)
 
     def _continuation(self, y0: Vector) -> Vector | None:
-        """F(y) - (1 - s) F(y0) = 0 from s = 0, where y0 is the answer, to s = 1."""
+        """Newton homotopy: F(y) - (1 - s) F(y0) = 0 from s = 0, with the solution y0, to s = 1."""
         start = np.array(self.residual(y0)).ravel()
         if not np.isfinite(start).all() or self.residual.numel_out(0) != len(y0):
             return None
@@ -412,7 +421,7 @@ class _System:
         return self._follow(ca.Function("moved", [y, s], [full - (1 - s) * ca.DM(start)]), y0)
 
     def _follow(self, moved: Any, y0: Vector) -> Vector | None:
-        """The solution of `moved(y, s) = 0` led from y0 at s = 0 to s = 1, in steps that adapt."""
+        """Follow the solution of `moved(y, s) = 0` from y0 at s = 0 to s = 1, with adaptive steps."""
         y, _ = self.symbols
         here, done, step = y0, 0.0, 0.1
         while done < 1.0 and step > 1e-5:
@@ -430,36 +439,36 @@ class _System:
         slope = self.residual.factory("slope", ["y"], ["jac:r:y"])
         near = y0 + 0.01 * np.random.default_rng(3).standard_normal(len(y0))
         t, _, _, u, p, m = self.arguments
-        left = [k for k, v in enumerate(self.compiled.state_variables) if v in self.compiled.start.defaulted]
-        places = {*self.free, *left}
-        off = unreachable(self.compiled, t, self.x, self.z, u, p, m, places) if self.free else None
-        return not_found(self.compiled, self.free, y0 * self.scale, residuals, [slope(y0), slope(near)], off)
+        defaulted = [k for k, v in enumerate(self.compiled.state_variables) if v in self.compiled.start.defaulted]
+        movable = {*self.free, *defaulted}
+        violation = unreachable(self.compiled, t, self.x, self.z, u, p, m, movable) if self.free else None
+        return not_found(self.compiled, self.free, y0 * self.scale, residuals, [slope(y0), slope(near)], violation)
 
 
 def _check_surplus(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> None:
     if not compiled.start.surplus:
         return
-    off = np.array(compiled.conditions(t, x, z, u, p, m)[1]).ravel()
-    for condition, residual in zip(compiled.start.surplus, off, strict=True):
-        if abs(residual) > _HOLDS:
+    residuals = np.array(compiled.conditions(t, x, z, u, p, m)[1]).ravel()
+    for condition, residual in zip(compiled.start.surplus, residuals, strict=True):
+        if abs(residual) > _SATISFIED:
             raise contradicting(compiled, condition, float(residual), x, p)
 
 
 def _check_constraints(
     compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
 ) -> None:
-    """Refuse a start off the stabilised constraints, of positions and of velocities.
+    """Refuse a start that violates stabilised constraints of positions or velocities.
 
-    A residual that is small beside what it was at the guesses, or beside unknowns that have run away, is not enough.
+    Newton's method compares residuals with those at the guesses and with the unknowns, which may be large.
     """
     structure = compiled.solution.structure
     if not structure.invariants:
         return
     g, slope = constraints(compiled, np.array([t]), x[:, None], z[:, None], u, p, m)
     size = np.abs(slope[0]) @ (np.abs(x) + compiled.nominal_x)
-    off = np.abs(g[0]) / np.maximum(size, 1e-300)
-    worst = int(np.argmax(off))
-    if not off[worst] <= _CLOSED:
+    errors = np.abs(g[0]) / np.maximum(size, 1e-300)
+    worst = int(np.argmax(errors))
+    if not errors[worst] <= _ON_CONSTRAINTS:
         nodes = {c.node: c for c in (*compiled.start.conditions, *compiled.start.surplus)}
         raise off_constraint(compiled, nodes[structure.invariants[worst][1]], float(g[0][worst]), x, p)
 
@@ -477,14 +486,14 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
         n for n, v in zip((*compiled.states, *compiled.algebraic), (*ode, *alg), strict=True) if not np.isfinite(v)
     ]
     # the last of p, the rate of stabilisation, has no name
-    endless = [f"{n} = {v:g}" for n, v in zip(compiled.parameters, p, strict=False) if not np.isfinite(v)]
+    infinite = [f"{n} = {v:g}" for n, v in zip(compiled.parameters, p, strict=False) if not np.isfinite(v)]
     raise InitializationError(
         "AC303",
         f"{compiled.name}: the equations for {listed(names, 4)} have no finite value at the start (t = {t:g} s)"
-        + (f" for {listed(endless, 2)}" if endless else ""),
+        + (f" for {listed(infinite, 2)}" if infinite else ""),
         where=made_at(compiled.flat, ""),
-        cause="an infinite value, times zero or less another one" if endless else UNDEFINED,
-        help="give finite values, or leave out what they belong to" if endless else None,
+        cause="an infinite value, times zero or less another one" if infinite else UNDEFINED,
+        help="give finite values, or leave out what they belong to" if infinite else None,
     )
 
 
@@ -495,7 +504,7 @@ Starter = Callable[[CompiledModel, float, Vector, Vector, Vector], tuple[Vector,
 def torn_start(
     compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector, start: Starter
 ) -> tuple[Vector, Vector] | None:
-    """States and algebraic variables as the torn form of the same model starts; None where there is no such help."""
+    """States and algebraic variables at the start of the torn form of a model; None if that does not help."""
     solution = compiled.solution
     if all(block.kind != "dae" for block in solution.blocks):
         return None
@@ -509,10 +518,10 @@ def torn_start(
     pool = solution.structure.reduced.pool
     values = np.array(torn.observe(t, x, z, u, p, m)).ravel()
     known = dict(zip(torn.columns, values, strict=True))
-    found = [known.get(pool.var(v), np.nan) for v in (*compiled.state_variables, *solution.algebraic)]
-    if not np.isfinite(found).all():
+    start_values = [known.get(pool.var(v), np.nan) for v in (*compiled.state_variables, *solution.algebraic)]
+    if not np.isfinite(start_values).all():
         return None
-    return np.array(found[: len(x)]), np.array(found[len(x) :])
+    return np.array(start_values[: len(x)]), np.array(start_values[len(x) :])
 
 
 def _relations(compiled: CompiledModel) -> tuple[object, ...]:

@@ -1,4 +1,4 @@
-"""Newton's method for the algebraic variables of a model, and for states that its start leaves free."""
+"""Newton's method for the algebraic variables of a model, and for states that are free at its start."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 
-# Steps, relative to the unknowns, and residuals, relative to those at the guesses and what unknowns can make of them,
-# that end the search.
+# Limits of convergence for steps, relative to the unknowns, and for residuals, relative to those at the guesses and to
+# the sizes of their terms.
 _CONVERGED, _SATISFIED = 1e-11, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Newton:
-    """Functions of `(t, x, z, u, p, m)` for the unknowns y, the states at the places `free` and then z."""
+    """Functions of `(t, x, z, u, p, m)` for the unknowns y: the states at the indices `free`, and then z."""
 
     free: tuple[int, ...]
     scale: Vector
-    # `-> d residual / d y` of the start conditions (where states are free) and the algebraic equations, y in its
-    # nominal magnitudes.
+    # `-> d residual / d y` of the start conditions (if states are free) and the algebraic equations, with y in units of
+    # its nominal magnitudes.
     slope: Any
-    step: Any  # `-> (y - root, residual, size of the rows of the slope)`, the first to first order
+    step: Any  # `-> (Newton step, residual, size of the rows of the slope)`
 
     @cached_property
     def buffered_slope(self) -> BufferedFunction:
@@ -37,13 +37,13 @@ class Newton:
 
     @classmethod
     def of(cls, compiled: CompiledModel, free: tuple[int, ...]) -> Newton | None:
-        """Made of a model; None where the equations cannot be solved for these unknowns."""
+        """The functions of a model; None if the equations cannot be solved for these unknowns."""
         s = Symbols(compiled)
-        places = list(free)
+        indices = list(free)
         residual = compiled.rhs(*s.inputs)[1]
         if free:
             residual = ca.vertcat(compiled.conditions(*s.inputs)[0], residual)
-        scale = np.concatenate([compiled.nominal_x[places], compiled.nominal_z])
+        scale = np.concatenate([compiled.nominal_x[indices], compiled.nominal_z])
         unknowns = ca.vertcat(*(s.x[k] for k in free), s.z)
         if residual.numel() != unknowns.numel():
             return None
@@ -64,21 +64,21 @@ class Newton:
         return BufferedFunction(self.step)
 
     def solve(
-        self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, most: int
+        self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector, most_steps: int
     ) -> tuple[Vector, Vector] | None:
-        """States and algebraic variables, from those given; None when that takes more than so many steps."""
-        x, z, places = x.copy(), z.copy(), list(self.free)
+        """States and algebraic variables, starting from those given; None if it takes more than `most_steps`."""
+        x, z, indices = x.copy(), z.copy(), list(self.free)
         first: Vector | None = None
-        for _ in range(most):
+        for _ in range(most_steps):
             change, residual, _ = self._buffered(t, x, z, u, p, m)
             first = np.abs(residual) if first is None else first
-            x[places] -= change[: len(places)]
-            z -= change[len(places) :]
-            here = np.abs(np.concatenate([x[places], z]))
+            x[indices] -= change[: len(indices)]
+            z -= change[len(indices) :]
+            here = np.abs(np.concatenate([x[indices], z]))
             if not np.isfinite(here).all():
                 return None
             if (np.abs(change) <= _CONVERGED * (self.scale + here)).all():
-                # a singular matrix makes steps that are so long that any other is short beside them
-                _, left, sizes = self._buffered(t, x, z, u, p, m)
-                return (x, z) if (np.abs(left) <= _SATISFIED * (first + sizes)).all() else None
+                # with a singular matrix, unknowns become so large that steps seem small: check the residuals as well
+                _, final, sizes = self._buffered(t, x, z, u, p, m)
+                return (x, z) if (np.abs(final) <= _SATISFIED * (first + sizes)).all() else None
         return None
