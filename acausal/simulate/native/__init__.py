@@ -1,5 +1,5 @@
-"""Compiled C instead of CasADi's interpreter: kept on disk, made when it pays, never required.
+"""Compiled C code in place of CasADi's interpreter: cached on disk, built when that pays off, never required.
 
-`cache.py` finds and builds libraries and the functions in them, `source.py` writes C, `program.py` calls whole
-integrators, `policy.py` decides. Measurements: docs/devdocs/native.md.
+`cache.py` finds and builds libraries and loads their functions, `source.py` writes C, `program.py` calls whole
+integrators, `policy.py` decides when to compile. Measurements: docs/devdocs/native.md.
 """

@@ -1,4 +1,4 @@
-"""Compiled libraries on disk, and the functions made of them; the key is a hash of all they are made from."""
+"""Cache of compiled libraries on disk; the key of a library is a hash of everything from which it is built."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from acausal.simulate.native.source import functions
 _log = logging.getLogger(__name__)
 
 FLAGS = ("-O3", "-fPIC", "-shared", "-ffp-contract=off", "-fno-trapping-math")
-"""-O3 makes the linear algebra of an integrator 10 % faster than -O2. Without contraction a compiled run gives the
-interpreter's numbers on machines with fused multiply-add as well. Nobody handles traps of floating-point exceptions:
-comparisons without them are 3 % of a compiled loop, and give the same numbers."""
+"""-O3 makes the linear algebra of an integrator 10 % faster than -O2. Without contraction, compiled runs have the same
+results as interpreted ones, also on machines with fused multiply-add. As floating-point exceptions are not trapped,
+comparisons need not preserve them; that saves 3 % of a compiled loop, with the same results."""
 
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 def folder() -> Path:
-    """Where libraries are kept."""
+    """The folder of the libraries."""
     return folder_of("native")
 
 
@@ -46,12 +46,12 @@ def home() -> Path:
 
 
 def is_empty() -> bool:
-    """Whether nothing was ever kept, so that no key has to be computed."""
+    """Whether no library was ever stored, so that no key has to be computed."""
     return not folder().is_dir()
 
 
 def compiler() -> str | None:
-    """Path of a C compiler: `$CC`, cc, gcc or clang; None without one."""
+    """Path of a C compiler: `$CC`, cc, gcc or clang; None if there is none."""
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
         found = shutil.which(name) if name else None
         if found:
@@ -61,24 +61,24 @@ def compiler() -> str | None:
 
 @cache
 def _program() -> str:
-    """Hash of this folder, which writes the sources: a number to be raised by hand was forgotten."""
+    """Hash of this folder, which writes the sources; a version number to be raised by hand would be forgotten."""
     files = sorted(path for path in Path(__file__).parent.iterdir() if path.suffix in {".c", ".py"})
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 
 
 def key(kind: str, *made_from: str) -> str:
-    """Hash of a kind of library and all it is made from; a compiler is not part of it, so that a hit needs none."""
+    """Hash of a kind of library and everything it is built from; without the compiler, which a hit does not need."""
     words = (_program(), kind, ca.CasadiMeta.version(), sys.platform, platform.machine(), *FLAGS, *made_from)
     return hashlib.sha256("\0".join(words).encode()).hexdigest()
 
 
 def find(wanted: str) -> Path | None:
-    """The library of this key; files that are not as this program has written them are removed."""
+    """The library with this key, or None; files that acausal has not written in this form are removed."""
     return file_of("native", wanted, _SUFFIX)
 
 
 def build(wanted: str, source: str) -> Path | None:
-    """Compile `source` and keep it; None, with a log entry, when there is no compiler or it fails."""
+    """Compile `source` and store the library; None, with a log entry, if there is no compiler or it fails."""
     command = compiler()
     if command is None:
         _log.info("no C compiler found: functions are interpreted")
@@ -88,16 +88,16 @@ def build(wanted: str, source: str) -> Path | None:
     try:
         return _build(command, wanted, source)
     except OSError as error:
-        _log.info("the library could not be kept in %s: %s", folder(), error)
+        _log.info("the library could not be stored in %s: %s", folder(), error)
     return None
 
 
 _HUNG: set[str] = set()
-"""Compilers that did not come to an end; they are not asked again."""
+"""Compilers that exceeded the time limit; they are not called again."""
 
 
 def trial(command: str) -> str | None:
-    """What is wrong with a compiler, found by a small function of which nothing is kept; None where it works."""
+    """Test a compiler with a small function, without storing it; returns a description of the failure, or None."""
     x = ca.SX.sym("x")
     small = ca.Function("trial", [x], [x * ca.sin(x)])
     with tempfile.TemporaryDirectory(prefix="acausal-") as scratch:
@@ -107,10 +107,10 @@ def trial(command: str) -> str | None:
             failure = _compile([command, *FLAGS, "-o", str(made), str(written), "-lm"], _time_limit(""))
             if failure is not None:
                 return failure
-            found = float(ca.external("trial", str(made))(0.5))
+            result = float(ca.external("trial", str(made))(0.5))
         except (OSError, RuntimeError) as error:
             return str(error)
-    return None if abs(found - float(small(0.5))) < 1e-12 else f"its code gives {found:g} for {float(small(0.5)):g}"
+    return None if abs(result - float(small(0.5))) < 1e-12 else f"its code gives {result:g} for {float(small(0.5)):g}"
 
 
 def _build(command: str, wanted: str, source: str) -> Path | None:
@@ -126,12 +126,12 @@ def _build(command: str, wanted: str, source: str) -> Path | None:
 
 
 def _time_limit(source: str) -> float:
-    """Seconds that a compiler is given: ten times what gcc takes at most, or `$ACAUSAL_COMPILER_TIMEOUT`."""
+    """Time limit for a compiler [s]: ten times the longest time of gcc, or `$ACAUSAL_COMPILER_TIMEOUT`."""
     return float(os.environ.get("ACAUSAL_COMPILER_TIMEOUT") or 120.0 + 3e-4 * len(source))
 
 
 def _compile(command: list[str], time_limit: float) -> str | None:
-    """Run a compiler; what it says when it fails. It and all it has started end with this call."""
+    """Run a compiler; returns its message if it fails, otherwise None. Its child processes end with this call."""
     process = subprocess.Popen(
         command,
         stdin=subprocess.DEVNULL,
@@ -139,18 +139,18 @@ def _compile(command: list[str], time_limit: float) -> str | None:
         stderr=subprocess.PIPE,
         text=True,
         errors="replace",
-        # A group of its own: compilers start programs, which outlive them.
+        # a process group of its own, to end the programs that a compiler has started too
         start_new_session=True,
     )
     try:
-        _, said = process.communicate(timeout=time_limit)
+        _, message = process.communicate(timeout=time_limit)
     except subprocess.TimeoutExpired:
         _HUNG.add(command[0])
         return f"not done after {time_limit:g} s"
     finally:
         if process.returncode is None:
             _end(process)
-    return (said.strip()[:500] or f"status {process.returncode}") if process.returncode else None
+    return (message.strip()[:500] or f"status {process.returncode}") if process.returncode else None
 
 
 def _end(process: subprocess.Popen[str]) -> None:
@@ -164,26 +164,25 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 def native(function: Any, *companions: Any) -> Any | None:
-    """The function as compiled C; None when it cannot be had, which is never an error.
+    """The CasADi function in compiled C, under the same name; None, and no error, if it cannot be compiled.
 
-    `function`: A CasADi function; its name stays.
-    `companions`: More functions for the same library. CasADi takes a function that is derived from an external one,
-    such as an integrator's `jacF`, from the library when it is there by that name.
+    `companions` are further functions for the same library. CasADi takes a function that it would derive from an
+    external one, such as an integrator's `jacF`, from the library if that contains the name.
     """
     parts = (function, *companions)
-    known = key("functions", *(part.serialize() for part in parts))
-    return made(known, lambda: functions(*parts), lambda path: ca.external(function.name(), str(path)))
+    library_key = key("functions", *(part.serialize() for part in parts))
+    return made(library_key, lambda: functions(*parts), lambda path: ca.external(function.name(), str(path)))
 
 
 def made(wanted: str, text: Callable[[], str | None] | None, load: Callable[[Path], Any]) -> Any | None:
-    """What `load` makes of the library of this key; without `text` only when it is there already.
+    """Load the library with this key by `load`, and build it from `text()` if it is missing; None if that fails.
 
-    A library that does not load is removed and made again, once.
+    Without `text` a missing library is not built. A library that fails to load is removed and built again, once.
     """
     path = find(wanted)
-    found = _loaded(path, load)
-    if found is not None or text is None or compiler() is None:
-        return found
+    loaded = _loaded(path, load)
+    if loaded is not None or text is None or compiler() is None:
+        return loaded
     written = text()
     return None if written is None else _loaded(build(wanted, written), load)
 

@@ -1,11 +1,11 @@
-"""The equations with free parameters, as compiled code needs them.
+"""The equations with parameters as arguments, for compiled code.
 
-An interpreted run has its parameters as numbers in the expressions. A library outlives the run: there they are
-arguments, but what they alone determine is still computed once per run, by a function of its own, so that the
-right-hand side does not do more work. Source of the split: CasADi's `extract_parametric`.
+An interpreted run has its parameters as numbers in the expressions. A library outlives the run, so its parameters are
+arguments. Values that they alone determine are still computed once per run, by a separate function, so that the
+right-hand side does no additional work. The split is made by CasADi's `extract_parametric`.
 
-Parameters that are zero in a run are zero in its library, and other values mean another library: half of a link's
-parameters are components of vectors along an axis, which with all their products are worth a third of the equations.
+Parameters that are zero in a run are zero in its library, and other zeros need another library: half of a link's
+parameters are components of vectors along an axis, and with all their products they make up a third of the equations.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ import casadi as ca
 from acausal.lower.compiled import CompiledModel
 
 CONSTANTS = "constants"
-"""Name of the function `(p, u) -> c` in a library: all that parameters and inputs alone determine."""
+"""Name of the function `(p, u) -> c` in a library: the values that parameters and inputs alone determine."""
 HELD = "determined"
-"""Name of the function of what parameters, modes and discrete variables alone determine."""
-# Instructions up to which C of every instance is compiled in seconds; it keeps values in registers, and runs 1.2 times
-# as fast as columns, which are in memory.
+"""Name of the function for values that parameters, modes and discrete variables alone determine."""
+# Up to this many instructions, C with all instances written out compiles in seconds. It keeps values in registers, and
+# runs 1.2 times as fast as columns, which are in memory.
 _LARGEST_FLAT = 10_000
 
 
 def by_patterns(compiled: CompiledModel) -> bool:
-    """Whether C is made of columns rather than of every instance, where the model has any."""
+    """Whether C is generated with columns rather than with all instances written out, if the model has columns."""
     return bool(compiled.rhs.n_instructions() > _LARGEST_FLAT)
 
 
 def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, Any]:
     """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)`, scaled as in `Problem`, and `(p, u) -> c`.
 
-    `zeros` are the indices of parameters that are zero, whatever p holds.
+    Parameters with indices in `zeros` are zero, whatever p contains.
     """
     form = compiled.mapped(tuple(zeros)) if by_patterns(compiled) else None
     if form is not None:
@@ -45,10 +45,10 @@ def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, 
     p, u = ca.SX.sym("p", len(compiled.parameters)), ca.SX.sym("u", len(compiled.inputs))
     m, d, shift = ca.SX.sym("m", compiled.rhs.numel_in("m")), ca.SX.sym("d", nd), ca.SX.sym("shift")
     full = ca.vertcat(x * scale_x, ca.SX(nq, 1), d)
-    some = ca.SX(p)
+    p_with_zeros = ca.SX(p)
     for k in zeros:
-        some[k] = 0
-    ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, some, m))
+        p_with_zeros[k] = 0
+    ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, p_with_zeros, m))
     (ode, alg), symbols, constants = parametric([ode[:n] / scale_x, alg], p, u)
     none = ca.SX(0, 1)
     dae = ca.Function(
@@ -62,13 +62,13 @@ def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, 
 
 
 def parametric(expressions: Sequence[Any], p: Any, u: Any, name: str = CONSTANTS) -> tuple[list[Any], Any, Any]:
-    """Expressions in which symbols stand for what p and u alone determine; the symbols; and `(p, u) -> values`.
+    """Replace subexpressions that p and u alone determine by symbols.
 
-    `name`: Of that function.
+    Returns the expressions, the symbols, and the function `(p, u) -> values` of the symbols, called `name`.
     """
     rest, names, values = ca.extract_parametric(list(expressions), ca.vertcat(p, u), {"extract_trivial": True})
     symbols, held = (ca.vertcat(*parts) if parts else ca.SX(0, 1) for parts in (names, values))
-    # What goes into a call may refer to what was extracted before.
+    # arguments of a call may refer to symbols that were extracted before
     while names and ca.depends_on(held, symbols):
         held = ca.substitute(held, symbols, held)
     return rest, symbols, ca.Function(name, [p, u], [held], {"cse": True})

@@ -1,4 +1,4 @@
-"""The structure of `event_loop.c`, from Python."""
+"""The Python side of `event_loop.c`: its structure, and programs that contain it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:
 
 @cache
 def source() -> str:
-    """The C of the event loop, which follows that of the functions and integrators they call."""
+    """C of the event loop, to be appended to the functions and integrators that it calls."""
     return "".join(Path(__file__).with_name(name).read_text(encoding="utf-8") for name in _FILES)
 
 
@@ -51,27 +51,27 @@ class EventLoopStructure(ctypes.Structure):
     )
 
     kept: tuple[Placed, ...]
-    """What its fields point to."""
+    """The arrays to which its fields point, kept alive."""
     schedule: Placed
-    """The same of the schedule, which may be exchanged."""
+    """The same for the schedule, which may be replaced."""
 
     def put(self, schedule: Placed) -> None:
-        """Another schedule; it keeps it alive."""
+        """Replace the schedule, and keep it alive."""
         for name, place in schedule.at.items():
             setattr(self, name, place)
         self.schedule = schedule
 
 
 class EventLoopProgram(Program):
-    """A compiled integrator that can pass segments and ordinary events by itself."""
+    """A compiled integrator that can integrate over segments and ordinary events in one call."""
 
     def __init__(self, path: Path, nx: int, nz: int) -> None:
-        """Load the library; OSError or AttributeError when it is not one of ours."""
+        """Load the library; raises OSError or AttributeError if it is no such program."""
         super().__init__(path, nx, nz)
         self.loop = ctypes.CDLL(str(path)).acausal_event_loop
 
     def structure(self, numbers: Mapping[str, float], schedule: Placed, *arrays: Placed) -> EventLoopStructure:
-        """The structure with these fields; it keeps the arrays alive."""
+        """Create the structure with these fields; it keeps the arrays alive."""
         loop = EventLoopStructure(**numbers)
         for part in arrays:
             for name, place in part.at.items():
@@ -82,6 +82,6 @@ class EventLoopProgram(Program):
         return loop
 
     def run(self, loop: EventLoopStructure) -> None:
-        """Go on as far as it goes; Interrupted when Ctrl-C was pressed: what it had come to is in the structure."""
+        """Continue the loop as far as possible; raises Interrupted on Ctrl-C, with the state in the structure."""
         if self.loop(ctypes.byref(loop)) == INTERRUPTED:
             raise Interrupted

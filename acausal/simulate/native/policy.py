@@ -1,13 +1,13 @@
-"""When compiling pays.
+"""Decides when to compile a model.
 
-Compiled, an evaluation of the equations saves a call and a part of the cost of each instruction; a compiler costs its
-start and a time per instruction. Both are known beforehand, so a library is made when the evaluations that were
-interpreted so far have cost more than it: then no run takes more than about twice its time for it, a short first run
-takes nothing, and repeated runs of one model become fast by themselves. With fixed steps the evaluations to come are
-known, and count as well. A library that is on disk is always used, `native=True` makes one at once, `native=False`
-uses none.
+An evaluation of compiled equations saves the overhead of a call, and a part of the time of each instruction. Compiling
+takes a constant time, and a time per instruction. Both are known in advance, so a library is built when the interpreted
+evaluations so far have cost more than it would. Compiling then at most about doubles the time of a run, a short first
+run compiles nothing, and repeated runs of a model become fast automatically. With fixed steps the number of future
+evaluations is known and counts as well. A library on disk is always used; `native=True` builds one immediately,
+`native=False` uses none.
 
-Evaluations are counted, not seconds, so that a run does the same every time. The constants are measured
+Evaluations are counted instead of seconds, so that runs are reproducible. The constants are measured
 (docs/devdocs/native.md).
 """
 
@@ -38,23 +38,23 @@ from acausal.simulate.native.program import HeunProgram
 
 T = TypeVar("T")
 
-# Saved by one evaluation, in seconds: its call, and each instruction.
+# Time saved by one compiled evaluation [s]: for its call, and for each instruction.
 _CALL, _INSTRUCTION = 1.5e-6, 4e-9
-# Cost of a library, in seconds: the integrator itself, and each instruction of the equations.
+# Time to compile a library [s]: for the integrator itself, and for each instruction of the equations.
 _START, _COMPILED_INSTRUCTION = 0.5, 3e-4
-# Instructions from which on a multistep method is slower with compiled equations: interpreted ones have the parameters
-# as numbers, and their Jacobian is then partly constant.
+# With more instructions, a multistep method is slower with compiled equations: interpreted ones have the parameters as
+# numbers, so that their Jacobian is partly constant.
 _LARGEST_ORACLE = 2000
-# Evaluations that repay writing the equations as a program of columns: 4 us an instruction, of which 3 ns are saved.
+# Evaluations after which a program of columns pays off: writing it takes 4 us per instruction, and saves 3 ns on each.
 _REPAID = 1500.0
-# Interpreted, operations on columns take this part of the time of their instances (docs/devdocs/mapped.md).
+# Interpreted operations on columns are so many times as fast as those on single instances (docs/devdocs/mapped.md).
 COLUMNS = 8
 
 
 def pays(evaluations: float, size: int, code: int | None = None) -> bool:
-    """Whether to compile equations of `size` instructions costs less than this number of evaluations has cost.
+    """Whether compiling equations of `size` instructions costs less than this number of interpreted evaluations.
 
-    `code` is the number of instructions to compile, where it is another.
+    `code` is the number of instructions to compile, if that differs from `size`.
     """
     return evaluations * (_CALL + _INSTRUCTION * size) > _START + _COMPILED_INSTRUCTION * (
         size if code is None else code
@@ -63,7 +63,7 @@ def pays(evaluations: float, size: int, code: int | None = None) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Library(Generic[T]):
-    """A loaded library: what it does, and the function `(p, u) -> c` of its constants."""
+    """A loaded library: its main function or program, and the function `(p, u) -> c` of its constants."""
 
     run: T
     constants: BufferedFunction
@@ -75,11 +75,11 @@ class Library(Generic[T]):
 
 @dataclass(frozen=True, eq=False)
 class StoppingEquations:
-    """What a library that passes events is made of, as CasADi functions.
+    """The CasADi functions of a library that integrates over events.
 
-    `dae` and `transition` as CasADi's integrators want them, `constants` as in `equations.py`; `event_functions` are
-    "judged", "event_round" and "relaxed", and "steep" where there is something steep in the rates. The first parameters
-    of a DAE for compiled code are what `held` makes of the first ones of its caller.
+    `dae` and `transition` have the form for CasADi's integrators, and `constants` that of `equations.py`.
+    `event_functions` are "judged", "event_round" and "relaxed", and "steep" if the rates contain steep functions. The
+    DAE gets the values of `held` for the first parameters of its caller, followed by the other parameters.
     """
 
     dae: Any
@@ -91,7 +91,7 @@ class StoppingEquations:
 
 @dataclass(eq=False)
 class Memory:
-    """What was compiled for one model, found absent, or done without: shared by all its runs in a process."""
+    """Libraries of one model that are loaded, missing on disk, or failed to build; shared by all runs in a process."""
 
     ready: dict[str, Library[Any]] = field(default_factory=dict)
     absent: set[str] = field(default_factory=set)
@@ -100,20 +100,20 @@ class Memory:
     expected: float = 0.0
 
 
-# Models are compared by identity, and forgotten when nobody else holds them.
+# Models are identified by identity, and not kept alive.
 _MEMORIES: WeakKeyDictionary[CompiledModel, Memory] = WeakKeyDictionary()
 
 
 def expect(compiled: CompiledModel, evaluations: float) -> None:
-    """Announce so many evaluations, in many runs; they decide more than what was spent so far."""
+    """Announce the number of evaluations in many runs to come, which counts in addition to those so far."""
     _MEMORIES.setdefault(compiled, Memory()).expected = evaluations
 
 
 class Native:
-    """The compiled code of a model, as one run uses it."""
+    """Access of one run to the compiled code of a model."""
 
     def __init__(self, compiled: CompiledModel, wanted: bool | None, p: Vector | None = None) -> None:
-        """`p` are the parameters of the run: those that are zero stay so in a library."""
+        """`p` are the parameters of the run; those that are zero are constant in its libraries."""
         self.compiled = compiled = compiled.common
         self.zeros: tuple[int, ...] = () if p is None else tuple(np.flatnonzero(np.asarray(p) == 0.0).tolist())
         self.wanted = wanted
@@ -121,10 +121,10 @@ class Native:
         self.used: set[str] = set()
 
     def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[EventLoopProgram] | None:
-        """A whole integrator, "rosenbrock" or "erk", that passes time events by itself where nothing is algebraic.
+        """A whole integrator, "rosenbrock" or "erk"; that of an ODE can also integrate over time events.
 
-        Tolerances and step are arguments of the program: all values of them use the same library. Units of algebraic
-        variables are appended to its parameters (`in_units`).
+        Tolerances and step are arguments of the program, so that all their values use the same library. Units of
+        algebraic variables are appended to its parameters (`in_units`).
         """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": 10**6, **fixed}
@@ -151,23 +151,23 @@ class Native:
     ) -> Library[EventLoopProgram] | None:
         """A whole integrator that stops at events (`simulate/events/location/stopping.py`).
 
-        `equations` makes what it integrates, `nx` states; with the rates and rounds of the model all of it follows from
-        what it is `made_from`. `instructions` is the size of its event functions.
+        `equations()` builds its functions, with `nx` states; they follow from the functions `made_from()`, and from the
+        rates and rounds of the model. `instructions()` is the size of its event functions.
         """
-        if self.wanted is False:  # asked for at every event
+        if self.wanted is False:  # this is called at every event
             return None
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
         neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, **fixed}
         kind = f"{plugin}, events" + (", fixed steps" if fixed else "")
 
         def text() -> str | None:
-            made = equations()
-            with contextlib.redirect_stderr(io.StringIO()):  # CasADi says that events are experimental
-                whole = {**neutral, "transition": made.transition}
+            parts = equations()
+            with contextlib.redirect_stderr(io.StringIO()):  # CasADi warns that events are experimental
+                options = {**neutral, "transition": parts.transition}
                 written = source.integrator(
-                    plugin, made.dae, whole, made.constants, *made.event_functions, held=made.held
+                    plugin, parts.dae, options, parts.constants, *parts.event_functions, held=parts.held
                 )
-            has_steep = any(f.name() == "steep" for f in made.event_functions)
+            has_steep = any(f.name() == "steep" for f in parts.event_functions)
             return (
                 None if written is None else f"{written}{'#define STEEP' if has_steep else ''}\n{event_loop_source()}"
             )
@@ -176,22 +176,22 @@ class Native:
             return EventLoopProgram(path, nx, 0)
 
         def pays_now() -> bool:
-            # the derivatives that locate events are twice as much again as the event functions
+            # the derivatives that locate events have twice as many instructions as the event functions
             return pays(self._spent(kind), self._size, 4 * self._size + 3 * instructions())
 
-        def whole() -> tuple[Any, ...]:
+        def all_functions() -> tuple[Any, ...]:
             return self.compiled.events.round, *made_from()
 
-        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load, whole)
+        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load, all_functions)
 
     def oracle(
         self, plugin: str, settings: Mapping[str, Any], change: Callable[[Any], Any] | None = None
     ) -> Library[Any] | None:
-        """Right-hand side and Jacobian for one of CasADi's integrators, as the oracle to give it.
+        """Compiled right-hand side and Jacobian, as an oracle for one of CasADi's integrators.
 
-        `change` makes another form of the equations: CasADi takes compiled derivatives only of what was compiled, and
-        differences where there are none. Only on request, and not for large models: most of the time of a multistep
-        method is spent elsewhere.
+        `change` transforms the equations before they are compiled: a wrapped compiled function would have finite
+        differences instead of compiled derivatives. Only with `native=True`, and not for large models, because a
+        multistep method spends most of its time elsewhere.
         """
         if not self.wanted or self._size > _LARGEST_ORACLE:
             return None
@@ -207,9 +207,9 @@ class Native:
         return self._library(kind, "", lambda: False, text, lambda path: ca.external("dae", str(path)))
 
     def heun(self, step: Callable[[Any], Any], evaluations: float) -> Library[HeunProgram] | None:
-        """Heun's method; `step` makes the function `(x, [t, h], p) -> x` of a DAE without algebraic variables.
+        """Heun's method; `step` builds the function `(x, [t, h], p) -> x` from a DAE without algebraic variables.
 
-        `evaluations` is the number of those to come.
+        `evaluations` is the number of evaluations to come.
         """
 
         def text() -> str:
@@ -220,28 +220,28 @@ class Native:
         return self._library("heun", "", lambda: self._pays(expected), text, lambda path: HeunProgram(path, self._nx))
 
     def by_columns(self, plugin: str) -> bool:
-        """Whether the equations of a multistep method are evaluated by columns, where they have any."""
+        """Whether the equations of a multistep method are evaluated by columns, if they have columns."""
         return self.wanted is not False and (self.wanted is True or self._spent(plugin) >= _REPAID)
 
     def notes(self, solver: str) -> tuple[str, ...]:
-        """Notes for a run that asked for compiled code and got none."""
+        """The note on a run with `native=True` that was interpreted."""
         if not self.wanted or self.used:
             return ()
         if cache.compiler() is None:
             why = "no C compiler was found ($CC, cc, gcc, clang)"
         elif self.memory.failed:
-            why = f"{cache.compiler()} failed, its words are in the log"
+            why = f"{cache.compiler()} failed, its message is in the log"
         else:
-            why = f"'{solver}' has none for this model"
-        return (f"compiled code was asked for; the run was interpreted: {why}",)
+            why = f"'{solver}' has no compiled form for this model"
+        return (f"compiled code was requested, but the run was interpreted: {why}",)
 
     def interpreted(self, kind: str, evaluations: float) -> None:
-        """Remember what an interpreted stretch of time has cost."""
+        """Add the evaluations of an interpreted segment to those that decide about compiling."""
         self.memory.evaluations[kind] = self._spent(kind) + evaluations
 
     @cached_property
     def equations(self) -> tuple[Any, Any]:
-        """See `equations.py`."""
+        """The equations and their constants for compiled code; see `equations.py`."""
         return equations(self.compiled, self.zeros)
 
     @property
@@ -253,7 +253,7 @@ class Native:
         return int(self.compiled.rhs.n_instructions())
 
     def _pays(self, evaluations: float) -> bool:
-        """`pays` for equations that may be there by patterns."""
+        """`pays` for the equations of the model, whose code may consist of columns."""
         form = self.compiled.mapped(self.zeros)
         if form is None:
             return pays(evaluations, self._size)
@@ -271,7 +271,7 @@ class Native:
         load: Callable[[Path], T],
         made_from: Callable[[], tuple[Any, ...]] = tuple,
     ) -> Library[T] | None:
-        """The library of this kind and these `details`: of the rates, and other functions it is `made_from`."""
+        """The library of this kind with these `details`; its functions follow from the rates and from `made_from()`."""
         memory = self.memory
         if self.wanted is False:
             return None
@@ -279,14 +279,14 @@ class Native:
         kind = f"{kind}, zero {self.zeros}"
         if kind not in memory.ready:
             allowed = self.wanted is True or is_worth_it()
-            tried = memory.failed if allowed else memory.absent
-            if kind in tried:
+            unavailable = memory.failed if allowed else memory.absent
+            if kind in unavailable:
                 return None
-            found = self._made(kind, details, made_from, text if allowed else None, load)
-            if found is None:
-                tried.add(kind)
+            library = self._made(kind, details, made_from, text if allowed else None, load)
+            if library is None:
+                unavailable.add(kind)
                 return None
-            memory.ready[kind] = found
+            memory.ready[kind] = library
         self.used.add(used)
         return memory.ready[kind]
 
@@ -302,7 +302,7 @@ class Native:
             return None
         compiled = self.compiled
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
-        # What the equations are made from rather than they: a hit needs nothing that is symbolic.
+        # The key is made of the functions from which the equations follow, so that a hit needs no symbolic work.
         functions = (f.serialize() for f in (compiled.rhs, *made_from()))
         key = cache.key(kind, details, event_loop_source(), source.rows("rosenbrock"), *functions, repr(scales))
         return made(key, text, lambda path: Library(load(path), BufferedFunction(ca.external(CONSTANTS, str(path)))))

@@ -1,6 +1,6 @@
-"""Whole integrators as compiled C, called with a grid, tolerances and parameters.
+"""Calls of whole integrators in compiled C, with output times, tolerances and parameters as arguments.
 
-The library is called directly rather than as a CasADi external function: that one has a fixed number of output times.
+The library is called directly, as a CasADi external function would have a fixed number of output times.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.source import ENTRY
 
 INTERRUPTED = 100
-"""Status of a program that Ctrl-C has ended."""
-# CasADi's casadi_ivp_flag_t, in the words by which `failure.integration_error` knows SUNDIALS' failures.
+"""Status of a program that was ended by Ctrl-C."""
+# Messages for CasADi's casadi_ivp_flag_t, with the keywords of SUNDIALS that `failure.integration_error` recognises.
 _FAILURES = {
     1: "TOO_MUCH_WORK: more steps than allowed within an output interval",
     2: "ERR_FAIL: the step became too small",
@@ -56,10 +56,10 @@ class RunStructure(ctypes.Structure):
 
 
 class Program:
-    """A compiled integrator over any number of output times; calls from several threads do not disturb each other."""
+    """A compiled integrator for any number of output times; it is thread-safe."""
 
     def __init__(self, path: Path, nx: int, nz: int) -> None:
-        """Load the library; OSError or AttributeError when it is not one of ours."""
+        """Load the library; raises OSError or AttributeError if it is no such program."""
         self.nx, self.nz = nx, nz
         library = ctypes.CDLL(str(path))
         self.call = getattr(library, ENTRY)
@@ -76,13 +76,13 @@ class Program:
         step: float,
         first: float = 0.0,
     ) -> tuple[Vector, Vector, dict[str, float]]:
-        """States, shape (n, nx), and algebraic variables, shape (n, nz), on the grid, which counts from 0; statistics.
+        """Return states, shape (n, nx), and algebraic variables, shape (n, nz), on the grid from 0, and statistics.
 
-        `first` is the length of the first step, 0 to have it estimated; "next" in the statistics is that of another,
-        "end" where the step would have ended that an event has stopped.
+        `first` is the length of the first step, 0 to have it estimated. The statistics contain "next", the length of
+        the next step, and "end", where the step that an event stopped would have ended.
 
-        Raises RuntimeError: the integrator cannot go on; the text says why.
-        Raises Interrupted: Ctrl-C was pressed; it has the rows that were reached.
+        Raises RuntimeError: the integration cannot continue; the message says why.
+        Raises Interrupted: on Ctrl-C, with the rows computed so far.
         """
         x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
         run = _prepared(grid, reltol, abstol, step, first)
@@ -103,14 +103,14 @@ class HeunProgram:
     """Heun's method with fixed steps, compiled."""
 
     def __init__(self, path: Path, nx: int) -> None:
-        """Load the library; OSError or AttributeError when it is not one of ours."""
+        """Load the library; raises OSError or AttributeError if it is no such program."""
         self.nx = nx
         library = ctypes.CDLL(str(path))
         self.call = library.acausal_heun
         self.sizes = _sizes(library, "heun")
 
     def __call__(self, x0: Vector, p: Vector, spans: Vector, step: float) -> tuple[Vector, int]:
-        """States, shape (nx, n), after each of the `spans`, divided into steps of `step` at most; number of steps."""
+        """Return states after each of the `spans`, shape (nx, n), with steps of at most `step`, and the step count."""
         x = np.empty((len(spans), self.nx))
         run = _prepared(spans, 0.0, 0.0, step)
         start, parameters = (np.ascontiguousarray(v, dtype=float) for v in (x0, p))
@@ -137,14 +137,14 @@ class HeunProgram:
 def _prepared(grid: Vector, reltol: float, abstol: float, step: float, first: float = 0.0) -> Any:
     grid = np.ascontiguousarray(grid, dtype=float)
     run = RunStructure(grid=address(grid), n=len(grid), reltol=reltol, abstol=abstol, step=step, first=first)
-    run.kept = grid  # alive as long as the pointer to it
+    run.kept = grid  # keeps the array alive
     prepare(run)
     return run
 
 
 def prepare(run: RunStructure) -> None:
-    """Let a program look for Ctrl-C."""
-    # Python runs its signal handlers in the main thread only; elsewhere there is nothing to look for.
+    """Let a program check for Ctrl-C."""
+    # Python runs its signal handlers in the main thread only
     if threading.current_thread() is threading.main_thread():
         for field, function in _signals().items():
             setattr(run, field, function)
@@ -152,7 +152,7 @@ def prepare(run: RunStructure) -> None:
 
 @cache
 def _signals() -> dict[str, int | None]:
-    """Addresses of what a program calls to ask for Ctrl-C."""
+    """Addresses of the functions that a program calls to check for Ctrl-C."""
     api = ctypes.pythonapi
     functions = {
         "enter": api.PyGILState_Ensure,
@@ -170,9 +170,9 @@ def _check(status: int) -> None:
 
 def _sizes(library: Any, name: str) -> tuple[int, int, int, int]:
     """Lengths of the work arrays arg, res, iw, w."""
-    found = [ctypes.c_longlong() for _ in range(4)]
-    getattr(library, f"{name}_work")(*(ctypes.byref(size) for size in found))
-    return found[0].value, found[1].value, found[2].value, found[3].value
+    sizes = [ctypes.c_longlong() for _ in range(4)]
+    getattr(library, f"{name}_work")(*(ctypes.byref(size) for size in sizes))
+    return sizes[0].value, sizes[1].value, sizes[2].value, sizes[3].value
 
 
 def _pointers(count: int, addresses: list[int]) -> Any:
@@ -183,13 +183,13 @@ def _pointers(count: int, addresses: list[int]) -> Any:
 
 
 def address(array: NDArray[Any]) -> int:
-    """Where the numbers of an array are; a third of the time of `array.ctypes.data`."""
+    """Address of the data of an array, in a third of the time of `array.ctypes.data`."""
     return int(array.__array_interface__["data"][0])
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Arrays that compiled code reads or writes, and where they are, which is asked once for all that use them."""
+    """Arrays that compiled code reads or writes, with their addresses, which are determined once."""
 
     arrays: Mapping[str, NDArray[Any]]
 

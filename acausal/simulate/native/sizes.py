@@ -1,21 +1,20 @@
-"""Sizes of a generated integrator as numbers, where CasADi reads them from a structure.
+"""Writes the sizes of a generated integrator as constants, where CasADi reads them from a structure.
 
-Vectors of a ball have 13 entries and a step has eight stages. A loop whose length is known is unrolled, and in one
-whose arrays do not overlap several entries are computed at once. Together with functions that can be inlined, because
-nobody can replace them from outside (`source.py`), that saved a fifth of the compiled loop of a run of balls. The
-numbers that come out are the same.
+Vectors of a ball have 13 entries, and a step has eight stages. Compilers unroll loops of known length, and vectorise
+loops whose arrays do not overlap. Together with functions that can be inlined, because they are hidden (`source.py`),
+this saved a fifth of the compiled loop of a run of balls. Results are identical.
 """
 
 from __future__ import annotations
 
 import re
 
-# Sizes that `casadi_ivp_setup` derives, from those that the source gives; without sensitivities.
+# Sizes that `casadi_ivp_setup` derives from those in the source, without sensitivities.
 _DERIVED = {"nx": ("nx1",), "nz": ("nz1",), "nq": ("nq1",), "ny": ("nx1", "nz1", "nq1")}
 _GIVEN = "nx1", "nz1", "nq1", "nfwd", "nadj", "n_stages", "n_dense", "nx_err", "nz_err", "nq_err"
 _SETUP = "void casadi_ivp_setup(", "\n}\n"
-# Sums onto a vector that is none of the others.
-_APART = (
+# Functions that add to a vector which does not overlap with the others.
+_RESTRICT = (
     (
         "void casadi_axpy(casadi_int n, casadi_real alpha, const casadi_real* x, casadi_real* y) {",
         "static inline void casadi_axpy(casadi_int n, casadi_real alpha, const casadi_real* restrict x, "
@@ -31,22 +30,22 @@ _APART = (
 
 
 def with_sizes(source: str) -> str:
-    """A generated integrator with its sizes written in; as it is where it differs from what is expected."""
+    """Write the sizes into a generated integrator; returns it unchanged if it differs from the expected form."""
     given = {name: re.findall(rf"(?m)^  p\.{name} = (\d+);$", source) for name in _GIVEN}
     start = source.find(_SETUP[0])
     if start < 0 or any(len(found) != 1 for found in given.values()):
         return source
     sizes = {name: int(found[0]) for name, found in given.items()}
-    if sizes["nfwd"] or sizes["nadj"] or any(source.count(old) != 1 for old, _ in _APART):
+    if sizes["nfwd"] or sizes["nadj"] or any(source.count(old) != 1 for old, _ in _RESTRICT):
         return source
     sizes |= {name: sum(sizes[part] for part in parts) for name, parts in _DERIVED.items()}
     end = source.index(_SETUP[1], start)
-    read = re.compile(rf"\bp->({'|'.join(sizes)})\b(?! = )")
+    size_field = re.compile(rf"\bp->({'|'.join(sizes)})\b(?! = )")
 
-    def written(text: str) -> str:
-        return read.sub(lambda found: str(sizes[found[1]]), text)
+    def with_constants(text: str) -> str:
+        return size_field.sub(lambda found: str(sizes[found[1]]), text)
 
-    whole = written(source[:start]) + source[start:end] + written(source[end:])
-    for old, new in _APART:
-        whole = whole.replace(old, new)
-    return whole
+    result = with_constants(source[:start]) + source[start:end] + with_constants(source[end:])
+    for old, new in _RESTRICT:
+        result = result.replace(old, new)
+    return result

@@ -1,13 +1,14 @@
-"""C sources: functions as CasADi writes them, and integrators whose grid and tolerances are arguments.
+"""C sources: functions as CasADi writes them, and integrators whose output times and tolerances are arguments.
 
-CasADi freezes time grid and tolerances in the code of an integrator. One library should serve every segment of every
-run of a model, so the few lines that hold these constants are replaced. Each replacement must fit exactly as often as
-it did in the CasADi version this was written for (3.8); otherwise there is no source, and the interpreter runs.
+CasADi writes output times and tolerances as constants into the code of an integrator. One library should serve every
+segment of every run of a model, so the few lines with these constants are replaced. Each replacement must match exactly
+once, as in the version of CasADi for which it was written (3.8); otherwise no source is generated, and runs are
+interpreted.
 
-What CasADi writes for a large model is one function of ten thousands of assignments without a branch, in which
-thousands of values are alive at once; gcc spends four fifths of its time on giving them registers. Cut into pieces that
-hand on in an array what later ones read, 64 hinged links (50 000 assignments) compile in seconds instead of minutes,
-and the values alive inside a piece are few.
+For a large model CasADi writes a single function of tens of thousands of assignments without branches, in which
+thousands of values are live at once; gcc spends four fifths of its time on register allocation. The function is
+therefore cut into pieces, which pass values to later pieces through an array. Then few values are live inside a piece,
+and 64 hinged links (50 000 assignments) compile in seconds instead of minutes.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from acausal.simulate.native.sparse_lu import with_lu
 ENTRY = "segment"
 """Name of an integrator's C function."""
 
-# Nothing but what is exported can be replaced from outside: otherwise a compiler must not inline what it calls.
-_RUN = """
+# Functions that are not exported are hidden: a compiler must not inline those that could be replaced from outside.
+_RUN_STRUCTURE = """
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -36,28 +37,28 @@ _RUN = """
 #endif
 struct acausal_run {
   const double *grid; long long n;
-  double reltol, abstol, step, first, past; /* `first` step and `past` error: what its control hands on */
+  double reltol, abstol, step, first, past; /* `first` step and `past` error: the state of the step size control */
   long long steps, rejected, rhs, jac, reached, second;
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
-  double *last, last_time; /* where the last step before an event began, if there is memory for its states */
-  double last_end;         /* where it would have ended, had nothing stopped it */
-  /* samples of steep functions, where there are some: their columns, the slopes of these, and what the functions are,
-     by time, states and rates; memory for what was found; the function that each column belongs to */
+  double *last, last_time; /* states and time at which the last step before an event began; 0 if not requested */
+  double last_end;         /* where that step would have ended without the event */
+  /* samples of steep functions, if there are any: a function of time, states and rates for their columns, the rates of
+     these, and the heights of the functions; memory for the samples; the function to which each column belongs */
   int (*sample)(void*, double, const double*, const double*, double*);
   void* sampler;
   double* sampled;
   const long long* owners;
   long long columns, functions;
-  long long doubts; /* places that may have been passed over */
-  /* what parameters, modes and discrete variables alone determine, where it is known */
+  long long doubts; /* number of places that may have been stepped over */
+  /* values that parameters, modes and discrete variables alone determine, if they are known */
   const double* held;
-  /* events: whether any are looked for, distances of the guards at the start where they are known, and whether a call
-     for distances is to give their slopes along the solution, or these alone */
+  /* events: whether they are ignored, the guards at the start if known, and whether a call for the guards is to
+     return their slopes along the solution too, or only these */
   long long is_blind;
   const double* distances;
   long long slopes;
 };
-/* Ctrl-C, looked for when the second changes: Python's handlers run only when they are asked for. */
+/* Check for Ctrl-C, once a second: Python's handlers only run when they are called. */
 static int acausal_stopped(struct acausal_run* run) {
   long long now = (long long) time(0);
   int state, found;
@@ -75,7 +76,7 @@ _HEUN = """
 CASADI_SYMBOL_EXPORT int acausal_heun(const double* x0, const double* p, double* out, casadi_int nx,
                                       const double** arg, double** res, casadi_int* iw, double* w,
                                       struct acausal_run* run) {
-  /* a function may read an input after it has written an output: never the same memory */
+  /* a function may read an input after it has written an output, so they need separate memory */
   double th[2], *x = w, *next = w + nx, *other;
   casadi_int k, i, j, count;
   w += 2 * nx;
@@ -129,7 +130,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
         "      run->reached = k + 1;",
     ),
 )
-# What `rows.c` calls a method, its data, and the error that a defect makes of the states.
+# Macros of `rows.c` for each method: how a defect becomes an error of the states, and how rows are corrected.
 _METHODS = {
     "rosenbrock": "#define METHOD_IS_STIFF\n"
     "#define METHOD_RELAX(d, e, v) casadi_rosenbrock_solve(d, e, v)\n"
@@ -138,20 +139,20 @@ _METHODS = {
     "#define METHOD_CORRECT(d, e, r)\n",
 }
 _FIXED = (rf"  p\.step_size = {_NUMBER};", "  p.step_size = run->step;")
-# What CasADi writes for a transition carries the derivatives of the event's instant: half of the time of a hundred
-# clutches. Ours only sets the last state, the stop flag.
+# CasADi's code for a transition computes derivatives with respect to the time of the event, which take half of the time
+# of a hundred clutches. The transition here only sets the last state, the stop flag.
 _TRANSITION = (
     r"(case IVP_EVAL_JUMP:\n)(?:.*\n)*?.*if \(casadi_f\d+\(sarg, sres, iw, w, 0\)\) \{\n.*\n.*\n.*\}\n",
     r"\g<1>              casadi_copy(d.y_arg, p.nx1, d.res);\n              d.res[p.nx1 - 1] = 1.;\n",
 )
 
 
-# What does not change between two events is computed once for a stretch.
+# Values that do not change between two events are computed once for a stretch.
 _PARAMETERS = (
     r"  casadi_copy\(arg\[2\], \d+, pv\);",
     "  if (acausal_parameters(run, arg[2], pv, sarg, sres, iw, w)) return 1;",
 )
-_HOLDING = """
+_HELD_PARAMETERS = """
 #define HELD {held}
 static int acausal_parameters(struct acausal_run* run, const casadi_real* p, casadi_real* found,
                               const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w) {{
@@ -164,7 +165,7 @@ static int acausal_parameters(struct acausal_run* run, const casadi_real* p, cas
   return 0;
 }}
 """
-# Slopes of guards cost twice as much as guards: only where one is passed within a step (`rows.c`).
+# Slopes of guards cost twice as much as guards, and are computed only if one is passed in a step (`crossings.c`).
 _EVENTS = (
     (r"while \(casadi_ivp_event\(&d\)\) \{", "while (acausal_event(&d, run)) {"),
     (
@@ -180,25 +181,24 @@ def functions(*parts: Any) -> str:
     generator = ca.CodeGenerator("acausal.c")
     for part in parts:
         generator.add(part)
-    return _direct(str(generator.dump()))
+    return _without_null_checks(str(generator.dump()))
 
 
 def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any, held: Any = None) -> str | None:
-    """C of a whole integrator, whose argument 3 is a pointer to a `struct acausal_run`; None when it cannot be had.
+    """C of a whole integrator; its argument 3 is a pointer to a `struct acausal_run`. None if a replacement fails.
 
-    `plugin`: "rosenbrock" or "erk".
-    `dae`: The oracle, SX, without controls.
-    `settings`: CasADi's options; tolerances and step are replaced by arguments.
-    `companions`: More functions for the same library.
-    `held`: Where the integrator is to stop at events, `parameters -> values` of the same name: its caller gives the
-    parameters, of which the first ones alone determine the values. The DAE gets these, and the other parameters.
+    `plugin` is "rosenbrock" or "erk", and `dae` the SX oracle without controls. `settings` are CasADi's options, of
+    which tolerances and step are replaced by arguments. `companions` are further functions for the same library.
+
+    `held` is for an integrator that stops at events: a function `parameters -> values` of the first parameters that the
+    caller passes. The DAE gets these values, followed by the other parameters.
     """
     source = functions(
         *(() if held is None else (held,)),
         ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)),
         *companions,
     )
-    # Our argument takes the place of the controls, of which there are none.
+    # the additional argument replaces the controls, of which there are none
     if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
         return None
     fixed = [_FIXED] if settings.get("step_size") else []
@@ -215,13 +215,13 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
         return None
     if held is not None:
         own, count = held.numel_in(0), held.numel_out(0)
-        before += _HOLDING.format(held=count, own=own, rest=dae.numel_in("p") - count)
+        before += _HELD_PARAMETERS.format(held=count, own=own, rest=dae.numel_in("p") - count)
         before += "#define CROSSINGS\n" if passes else ""
-    return _with_run(with_sizes(f"{before}{rows(plugin)}{marker}{after}"))
+    return _with_run_structure(with_sizes(f"{before}{rows(plugin)}{marker}{after}"))
 
 
 def rows(plugin: str) -> str:
-    """C of rows inside of steps, in front of an integrator."""
+    """C for rows inside of steps, to be inserted before an integrator."""
     names = f"#define METHOD casadi_{plugin}\n#define METHOD_DATA struct casadi_{plugin}_data\n"
     names_of_files = "crossings.c", "steep.c", "rows.c"
     files = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names_of_files)
@@ -229,15 +229,15 @@ def rows(plugin: str) -> str:
 
 
 def heun(step: Any, companion: Any) -> str:
-    """C of Heun's method over a grid; `step` is `(x, [t, h], p) -> x`, called "heun"."""
-    return _with_run(functions(step, companion)) + _HEUN
+    """C of Heun's method over a grid; `step` is the function `(x, [t, h], p) -> x` with the name "heun"."""
+    return _with_run_structure(functions(step, companion)) + _HEUN
 
 
-def _direct(source: str) -> str:
-    """The same with CasADi's test whether an argument or a result is there made once, and not at each access.
+def _without_null_checks(source: str) -> str:
+    """Move CasADi's checks for null arguments and results from each access to the beginning of a function.
 
     Without these branches a right-hand side of 6400 instructions compiles in 1 s instead of 4 s. Long functions, which
-    have no loops, get less optimisation: half of the time again, and no slower.
+    have no loops, are compiled with less optimisation, in half of that time and without becoming slower.
     """
     parts = re.split(r"(?m)^(?=static int casadi_f\d+\()", source)
     return "".join(_with_pointers(part) for part in parts)
@@ -245,10 +245,10 @@ def _direct(source: str) -> str:
 
 _INPUT = re.compile(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0")
 _OUTPUT = re.compile(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]=")
-_QUICKLY = '#pragma GCC push_options\n#pragma GCC optimize ("O1")\n{}#pragma GCC pop_options\n'
-# Lines of a long function.
-_LONG = 1500
-# What is not asked for is written to the stack.
+_LESS_OPTIMISED = '#pragma GCC push_options\n#pragma GCC optimize ("O1")\n{}#pragma GCC pop_options\n'
+# Functions with more lines are compiled with less optimisation.
+_MOST_OPTIMISED_LINES = 1500
+# Results that are not requested are written to the stack, if there is enough of it.
 _LARGEST_STACK = 10_000
 
 
@@ -266,29 +266,29 @@ def _with_pointers(function: str) -> str:
     body, end, rest = _OUTPUT.sub(r"out\1[\2]=", _INPUT.sub(r"in\1[\2]", function[head.end() :])).partition("\n}\n")
     name = head.group().partition("(")[0].rpartition(" ")[2]
     cut = in_pieces(name, "".join(lines), body)
-    whole = head.group() + "".join(lines) + body + end
+    result = head.group() + "".join(lines) + body + end
     if cut is not None:
-        whole = cut[0] + head.group() + "".join(lines) + cut[1] + end
-    return (_QUICKLY.format(whole) if body.count("\n") > _LONG else whole) + rest
+        result = cut[0] + head.group() + "".join(lines) + cut[1] + end
+    return (_LESS_OPTIMISED.format(result) if body.count("\n") > _MOST_OPTIMISED_LINES else result) + rest
 
 
 def _lengths(pattern: re.Pattern[str], function: str) -> dict[str, int]:
-    """Entries that are used of each argument or result."""
-    found: dict[str, int] = {}
+    """Number of entries that are used of each argument or result."""
+    lengths: dict[str, int] = {}
     for place, index in pattern.findall(function):
-        found[place] = max(found.get(place, 0), int(index) + 1)
-    return found
+        lengths[place] = max(lengths.get(place, 0), int(index) + 1)
+    return lengths
 
 
-def _with_run(source: str) -> str:
-    return source.replace("#include <math.h>\n", "#include <math.h>\n" + _RUN, 1)
+def _with_run_structure(source: str) -> str:
+    return source.replace("#include <math.h>\n", "#include <math.h>\n" + _RUN_STRUCTURE, 1)
 
 
 LINES = 400
-"""Assignments of a piece."""
+"""Number of assignments in a piece."""
 
 LONG = 3000
-"""Assignments from which on a function is cut."""
+"""Functions with more assignments are cut into pieces."""
 
 _ASSIGNMENT = re.compile(r"  (a\d+|out\d+\[\d+\])=[^;]*;")
 _VARIABLE = re.compile(r"\ba\d+\b")
@@ -297,54 +297,54 @@ _DECLARATION = re.compile(r"  casadi_real a\d+(?:, a\d+)*;")
 
 
 def in_pieces(name: str, head: str, body: str) -> tuple[str, str] | None:
-    """Functions for the pieces, and the lines that call them; None when the body is short, or not straight.
+    """Cut a function into pieces: returns functions for these, and the lines that call them.
 
-    `name`: Of the function; the pieces are called after it.
-    `head`: Its lines up to the declarations of `a0, a1, ...`: pointers `in0, ..., out0, ...`.
-    `body`: The declarations, the assignments, and `return 0;`.
+    None if the body is short, or does not only consist of assignments. `name` is that of the function, from which the
+    names of the pieces are derived. `head` are its lines up to the declarations of `a0, a1, ...`, which declare the
+    pointers `in0, ..., out0, ...`; `body` are the declarations, the assignments, and `return 0;`.
     """
     lines = body.split("\n")
     steps = [line for line in lines if not _DECLARATION.fullmatch(line)]
     if len(steps) <= LONG or steps[-1] != "  return 0;" or not all(map(_ASSIGNMENT.fullmatch, steps[:-1])):
         return None
-    cuts = [steps[k : min(k + LINES, len(steps) - 1)] for k in range(0, len(steps) - 1, LINES)]
+    parts = [steps[k : min(k + LINES, len(steps) - 1)] for k in range(0, len(steps) - 1, LINES)]
     pointers = sorted(set(_POINTER.findall(head)))
     formal = ", ".join(f"casadi_real *restrict {p}" if p[0] == "o" else f"const casadi_real* {p}" for p in pointers)
     actual = ", ".join(("kept", *pointers))
-    written = [_written(cut) for cut in cuts]
+    assigned = [_assigned(cut) for cut in parts]
     read_later: set[str] = set()
     pieces: list[str] = []
-    for k in range(len(cuts) - 1, -1, -1):
-        taken = _taken(cuts[k])
-        given = sorted(written[k] & read_later)
+    for k in range(len(parts) - 1, -1, -1):
+        needed = _read_first(parts[k])
+        passed_on = sorted(assigned[k] & read_later)
         text = [
             f"static __attribute__((noinline)) void {name}_{k}(casadi_real* kept, {formal}) {{",
-            *_declared(sorted(written[k] | taken)),
-            *(f"  {v}=kept[{int(v[1:])}];" for v in sorted(taken)),
-            *cuts[k],
-            *(f"  kept[{int(v[1:])}]={v};" for v in given),
+            *_declared(sorted(assigned[k] | needed)),
+            *(f"  {v}=kept[{int(v[1:])}];" for v in sorted(needed)),
+            *parts[k],
+            *(f"  kept[{int(v[1:])}]={v};" for v in passed_on),
             "}\n",
         ]
         pieces.append("\n".join(text))
-        read_later = (read_later - written[k]) | taken
-    size = 1 + max(int(v[1:]) for cut in written for v in cut)
-    calls = [f"  casadi_real kept[{size}];", *(f"  {name}_{k}({actual});" for k in range(len(cuts))), "  return 0;"]
+        read_later = (read_later - assigned[k]) | needed
+    size = 1 + max(int(v[1:]) for cut in assigned for v in cut)
+    calls = [f"  casadi_real kept[{size}];", *(f"  {name}_{k}({actual});" for k in range(len(parts))), "  return 0;"]
     return "".join(reversed(pieces)), "\n".join(calls)
 
 
-def _written(lines: list[str]) -> set[str]:
+def _assigned(lines: list[str]) -> set[str]:
     return {line[2:].partition("=")[0] for line in lines if line.startswith("  a")}
 
 
-def _taken(lines: list[str]) -> set[str]:
-    """Variables that are read before they are written."""
-    taken: set[str] = set()
-    known: set[str] = set()
+def _read_first(lines: list[str]) -> set[str]:
+    """Variables that are read before they are assigned."""
+    needed: set[str] = set()
+    assigned: set[str] = set()
     for line in lines:
         left, _, right = line.partition("=")
-        taken.update(v for v in _VARIABLE.findall(right) if v not in known)
-        known.add(left.strip())
-    return taken
+        needed.update(v for v in _VARIABLE.findall(right) if v not in assigned)
+        assigned.add(left.strip())
+    return needed
 
 
 def _declared(variables: list[str]) -> list[str]:

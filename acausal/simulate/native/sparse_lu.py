@@ -1,7 +1,7 @@
-"""The linear systems of a generated Rosenbrock integrator: a sparse LU in front of CasADi's QR (`sparse_lu.c`).
+"""The linear systems of a generated Rosenbrock integrator: a sparse LU that replaces CasADi's QR (`sparse_lu.c`).
 
-The pattern is that of the generated source. It is ordered once, by minimum degree, with pivots on the diagonal; the
-values decide at each step whether that was good enough, and QR is there where it was not.
+The pattern is read from the generated source. It is ordered once, by minimum degree, with pivots on the diagonal. At
+each step the values decide whether that is accurate enough; otherwise QR is used.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 _FIELDS = "iter", "iter_v", "iter_r"
-# Each has to fit once, or the source stays as it was; C of the factorisation goes in front of the first.
+# Each pattern must match once, or the source is left unchanged. C of the factorisation is inserted before the first.
 _CHANGES: tuple[tuple[str, str], ...] = (
     (r"struct casadi_rosenbrock_data \{\n", r"\g<0>  int lu;\n"),
     (
@@ -28,14 +28,14 @@ _CHANGES: tuple[tuple[str, str], ...] = (
         "    for (k = 0; k < nrhs; ++k) acausal_lu_solve(r->iter_v, v + k * n, r->qr_w);\n    return;\n  }\n\\g<0>",
     ),
 )
-# Entries of L and U up to which the solution is written out.
+# Up to this many entries of L and U, the solution is written out without loops.
 _MOST_WRITTEN_OUT = 400
-_PLACE = "struct casadi_rosenbrock_prob {\n"
+_INSERTION = "struct casadi_rosenbrock_prob {\n"
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """Which entries an LU of a sparse matrix has, in the order of elimination.
+    """The entries of an LU factorisation of a sparse matrix, in the order of elimination.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Elimination:
     left, right
         Columns of L and of U in each row, without the diagonal, ascending.
     given
-        Columns and places, among the entries of the matrix by columns, of each row.
+        For each row, the columns of its entries, and their indices among the entries of the matrix by columns.
     """
 
     order: tuple[int, ...]
@@ -54,12 +54,12 @@ class Elimination:
 
     @property
     def numbers(self) -> int:
-        """How many numbers `sparse_lu.c` keeps: L, U, pivots, and the largest entry of each row of U."""
+        """Number of values that `sparse_lu.c` stores: L, U, pivots, and the largest entry of each row of U."""
         return sum(map(len, self.left)) + sum(map(len, self.right)) + 2 * len(self.order)
 
 
 def elimination(pattern: ca.Sparsity) -> Elimination | None:
-    """How a square matrix is eliminated, by minimum degree of A + A^T; None where its diagonal has zeros."""
+    """The elimination of a square matrix by minimum degree of A + A^T; None if its diagonal has zeros."""
     n = pattern.size1()
     if not all(pattern.has_nz(k, k) for k in range(n)):
         return None
@@ -67,13 +67,13 @@ def elimination(pattern: ca.Sparsity) -> Elimination | None:
     step = np.empty(n, dtype=int)
     step[order] = np.arange(n)
     given: list[list[tuple[int, int]]] = [[] for _ in range(n)]
-    for place, (row, column) in enumerate(zip(*pattern.get_triplet(), strict=True)):
-        given[step[row]].append((int(step[column]), place))
+    for index, (row, column) in enumerate(zip(*pattern.get_triplet(), strict=True)):
+        given[step[row]].append((int(step[column]), index))
     left: list[list[int]] = []
     right: list[list[int]] = []
     for k in range(n):
         entries = {column for column, _ in given[k]}
-        for column in range(min(entries), k):  # those that come on the way are behind it
+        for column in range(min(entries), k):  # fill-in is to the right of the current column
             if column in entries:
                 entries.update(right[column])
         left.append(sorted(c for c in entries if c < k))
@@ -83,16 +83,16 @@ def elimination(pattern: ca.Sparsity) -> Elimination | None:
 
 
 def with_lu(source: str) -> str:
-    """A generated Rosenbrock integrator with an LU in front of its QR; as it is where LU would not be less."""
-    found = [array for name in _FIELDS if (array := _array(source, name)) is not None]
-    if len(found) < len(_FIELDS) or _PLACE not in source:
+    """Insert an LU before the QR of a generated Rosenbrock integrator; unchanged if LU needs more memory than QR."""
+    arrays = [array for name in _FIELDS if (array := _array(source, name)) is not None]
+    if len(arrays) < len(_FIELDS) or _INSERTION not in source:
         return source
-    matrix, *factors = (ca.Sparsity.compressed(array) for array in found)
+    matrix, *factors = (ca.Sparsity.compressed(array) for array in arrays)
     plan = elimination(matrix)
-    # it is kept where QR has its factors, which therefore have to be as large
+    # it is stored in the memory for the factors of QR, which has to be large enough
     if plan is None or plan.numbers > sum(f.nnz() for f in factors) + matrix.size1():
         return source
-    before, place, after = source.partition(_PLACE)
+    before, place, after = source.partition(_INSERTION)
     text = before + _code(plan) + place + after
     for pattern, replacement in _CHANGES:
         text, count = re.subn(pattern, replacement, text)
@@ -102,7 +102,7 @@ def with_lu(source: str) -> str:
 
 
 def _array(source: str, field: str) -> list[int] | None:
-    """The sparsity that a field of the integrator points to, as CasADi compresses it."""
+    """The sparsity that a field of the integrator points to, in CasADi's compressed form."""
     name = re.search(rf"\.sp_{field} = (casadi_s\d+);", source)
     array = name and re.search(rf"\b{name.group(1)}\[\d+\] =\s*\{{([-\d,\s]+)\}};", source)
     return [int(number) for number in array.group(1).split(",")] if array else None
@@ -126,7 +126,7 @@ def _code(plan: Elimination) -> str:
 
 
 def _written_out(plan: Elimination) -> str:
-    """The solution without loops: a third of the time for a ball of 13 states, at eight of them a step."""
+    """C of the solution without loops: it takes a third of the time for a ball of 13 states, with eight per step."""
     n = len(plan.order)
     lower, upper = sum(map(len, plan.left)), sum(map(len, plan.right))
     lines, at = [], 0
@@ -136,7 +136,7 @@ def _written_out(plan: Elimination) -> str:
         at += len(columns)
     for k in reversed(range(n)):
         at = lower + sum(map(len, plan.right[:k]))
-        # what was found last comes last: nothing else waits for it
+        # the value computed last is subtracted last, so that the other terms need not wait for it
         terms = "".join(f" - lu[{at + j}]*x{c}" for j, c in reversed([*enumerate(plan.right[k])]))
         lines.append(f"  x{k} = (x{k}{terms}) * lu[{lower + upper + k}];\n")
     lines += [f"  v[{row}] = x{k};\n" for k, row in enumerate(plan.order)]
@@ -145,6 +145,6 @@ def _written_out(plan: Elimination) -> str:
 
 
 def _rows(name: str, rows: Sequence[Sequence[int]]) -> dict[str, list[int]]:
-    """Where each row begins, and the columns of all rows."""
+    """The index at which each row begins, and the columns of all rows."""
     ends = np.cumsum([0, *map(len, rows)]).tolist()
     return {name: ends, f"{name}_at": [column for row in rows for column in row]}
