@@ -1,4 +1,4 @@
-/* Where a guard may be passed between two points of a solution (simulate/events/location/bracketing.py). */
+/* Search for points between two points of a solution at which a guard may be passed (events/location/bracketing.py). */
 
 #include <string.h>
 
@@ -35,8 +35,8 @@ static struct cubic cubic_of(double p, double a, double q, double b) {
   return c;
 }
 
-/* Where a cubic from p >= 0 to below zero falls below zero for the first time. */
-static double drop_of(const struct cubic* c) {
+/* The first point at which a cubic from p >= 0 to below zero falls below zero. */
+static double first_zero_of(const struct cubic* c) {
   double low = 0.0, high = 1.0;
   int k;
   for (k = 0; k <= c->turns; ++k) {
@@ -52,9 +52,9 @@ static double drop_of(const struct cubic* c) {
   return 0.5 * (low + high);
 }
 
-/* First time between two nodes at which a guard may be passed; INFINITY where none is in doubt. Where cubics have been of
-   no use, those that are passed are looked for where their tangents at the right are zero. */
-static double doubt_of(long long relations, const struct node* left, const struct node* right, int is_there, int by_tangent) {
+/* The first time between two nodes at which a guard may be passed; INFINITY if there is none. With `by_tangent`, after
+   cubics have failed, guards that were passed are searched where their tangents at the right node are zero. */
+static double next_candidate(long long relations, const struct node* left, const struct node* right, int is_there, int by_tangent) {
   double width = right->t - left->t, found = INFINITY;
   long long k;
   for (k = 0; k < relations; ++k) {
@@ -66,7 +66,7 @@ static double doubt_of(long long relations, const struct node* left, const struc
       if (by_tangent && b < 0 && 1 - q / b > LOW) at = 1 - q / b;
       else {
         c = cubic_of(p, a, q, b);
-        at = drop_of(&c);
+        at = first_zero_of(&c);
       }
     } else {
       if (a < 0 && b > 0) { /* the tangents meet near zero: a kink */
@@ -86,7 +86,7 @@ static double doubt_of(long long relations, const struct node* left, const struc
   return found;
 }
 
-static void copied(long long states, long long relations, const struct node* from, struct node* to) {
+static void copy_node(long long states, long long relations, const struct node* from, struct node* to) {
   to->t = from->t;
   memcpy(to->x, from->x, states * sizeof(double));
   memcpy(to->above, from->above, relations * sizeof(double));

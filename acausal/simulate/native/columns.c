@@ -1,14 +1,14 @@
-/* Instructions of a function, each for all of its equal parts at once.
+/* Evaluation of a function by columns, each instruction for all of its equal parts together.
 
-   A program lists columns: an operation, how many entries it has, where they go, and where the operands are: side by side, in a
-   list of places, or one for all. One library serves all programs: what is compiled knows nothing of a model. */
+   A program lists columns: the operation, the number of entries, where results go, and where operands are: contiguous, or in a
+   list of indices. One library serves the programs of all models, as the compiled code does not depend on a model. */
 
 #include <math.h>
 #include <string.h>
 
 typedef long long count_t;
 
-/* For the vector instructions of the machine it runs on, if the compiler can choose them then. The numbers are the same. */
+/* Use the vector instructions of the machine at run time, if the compiler supports that. Results are identical. */
 #if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__GLIBC__)
 #define VECTORISED __attribute__((target_clones("avx512f", "avx2", "default")))
 #define INLINED static inline __attribute__((always_inline))
@@ -24,12 +24,12 @@ enum { NEG, EXP, LOG, SQRT, SQ, TWICE, SIN, COS, TAN, ASIN, ACOS, ATAN, NOT, FLO
 /* `Program` of columns.py, field by field. */
 struct program {
   count_t columns, loads, stores;
-  const int *op, *size, *to, *a, *b; /* of each column; an operand is where it begins, or -1 - where its places begin */
-  const int* places;                 /* lists: entries of the values */
+  const int *op, *size, *to, *a, *b; /* of each column; an operand is the index of its start, or -1 - that of its list */
+  const int* places;                 /* lists: indices of values */
   const int *load_argument, *load_entry, *load_to;
   const int *store_result, *store_entry, *store_from;
-  double* values;                    /* constants are there already */
-  double *left, *right;              /* for operands that are not side by side */
+  double* values;                    /* contains the constants already */
+  double *left, *right;              /* memory for operands that are not contiguous */
 };
 
 INLINED const double* operand(const struct program* p, int at, int n, double* memory) {
@@ -38,7 +38,7 @@ INLINED const double* operand(const struct program* p, int at, int n, double* me
   int k;
   if (at >= 0) return values + at;
   places = p->places - 1 - at;
-  for (k = 0; k + 3 < n; k += 4) { /* four at a time, none of which waits for another one to be stored */
+  for (k = 0; k + 3 < n; k += 4) { /* four at a time, so that no load waits for a store */
     double first = values[places[k]], second = values[places[k + 1]], third = values[places[k + 2]], fourth = values[places[k + 3]];
     memory[k] = first, memory[k + 1] = second, memory[k + 2] = third, memory[k + 3] = fourth;
   }
@@ -46,19 +46,19 @@ INLINED const double* operand(const struct program* p, int at, int n, double* me
   return memory;
 }
 
-/* Without a branch, which would be mispredicted. */
-INLINED double chosen(double condition, double value) {
+/* A branch would be mispredicted. */
+INLINED double value_if(double condition, double value) {
   union { double number; unsigned long long bits; } one;
   one.number = value;
   one.bits &= -(unsigned long long)(condition != 0.0);
   return one.number;
 }
 
-/* As fmin and fmax, of which a compiler makes a call each: what is no number loses. */
+/* Like fmin and fmax, which compilers do not inline: nan is ignored if the other operand is a number. */
 INLINED double least_of(double x, double y) { double found = x < y ? x : y; return y == y ? found : x; }
 INLINED double largest_of(double x, double y) { double found = x > y ? x : y; return y == y ? found : x; }
 
-/* In blocks, the last of which has entries that are nobody's: no loop is left over for a few of them. */
+/* In blocks, the last of which may have unused entries, so that no loop for a remainder is needed. */
 #define BLOCK 8
 #define EACH(value) for (first = 0; first < n; first += BLOCK) for (k = first; k < first + BLOCK; ++k) to[k] = value; break
 #define ONE_BY_ONE(value) for (k = 0; k < n; ++k) to[k] = value; break
@@ -105,7 +105,7 @@ VECTORISED int acausal_columns(const struct program* p, const double** arg, doub
       case FABS: EACH(fabs(x[k]));
       case SIGN: EACH(x[k] < 0.0 ? -1.0 : x[k] > 0.0 ? 1.0 : x[k]);
       case COPYSIGN: ONE_BY_ONE(copysign(x[k], y[k]));
-      case IF: EACH(chosen(x[k], y[k]));
+      case IF: EACH(value_if(x[k], y[k]));
       case FMIN: EACH(least_of(x[k], y[k]));
       case FMAX: EACH(largest_of(x[k], y[k]));
       case INV: EACH(1.0 / x[k]);

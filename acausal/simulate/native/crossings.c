@@ -1,8 +1,8 @@
-/* Guards that are passed within a step.
+/* Detection of guards that are passed within a step.
 
-   CasADi asks for the distances of all guards at both ends of each step, and for their slopes along its polynomial, which
-   cost twice as much again. Only where one has been passed are slopes needed: the cubic through both ends says where.
-   Distances at the start of a call are those of its node, and none are needed where nothing is looked for. */
+   CasADi evaluates the distances of all guards at both ends of each step, and their slopes along its polynomial, which cost
+   twice as much again. Here slopes are only evaluated if a guard was passed, to locate the crossing by a cubic. Distances at
+   the start of a call are those of its node, and none are evaluated while events are ignored. */
 
 #ifdef CROSSINGS
 enum { CROSSING_LEFT = 100, CROSSING_RIGHT = 101 }; /* phases beside those of casadi_ivp_event */
@@ -34,7 +34,7 @@ static int acausal_event(struct casadi_ivp_data* d, struct acausal_run* run) {
     return acausal_distances(d, run, d->t0, IVP_EV_START, DISTANCES);
   case IVP_EV_START:
     casadi_copy(d->em, p->ne, d->e0);
-    d->ev_restart = 0; /* behind an event nothing is near: it has set the stop flag */
+    d->ev_restart = 0; /* no restart is needed after an event, which has set the stop flag */
     return acausal_distances(d, run, d->t, IVP_EV_END, DISTANCES);
   case IVP_EV_END:
     casadi_copy(d->em, p->ne, d->e1);

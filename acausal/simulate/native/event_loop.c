@@ -1,23 +1,23 @@
-/* Events of a run in compiled code; stretches.c goes over its stretches and ordinary events in one call.
+/* Events of a run in compiled code; stretches.c integrates over stretches and ordinary events in one call.
 
-   What an event means is the function `event_round`, made by the compiler (acausal/lower/events/round.py); around it this
-   does what simulate/driver/hybrid.py, events/iteration.py and rest.py do, as far as it is ordinary. Whatever is not (a
-   relation that flips three times, a guard that lingers on zero, rest, an end, a broken assertion, a crossing that the
-   integrator has missed, anything not finite) is not decided here: the run is put back to before the event, or to the
-   start of a stretch that has failed, and Python goes on from there.
+   The generated function `event_round` (acausal/lower/events/round.py) evaluates the equations of an event. Around it,
+   this code does the same as simulate/driver/hybrid.py, events/iteration.py and rest.py for ordinary events. It decides
+   no others: a relation that flips three times, a guard that stays near zero, rest, the end of a run, a violated
+   assertion, a crossing that the integrator has missed, anything that is not finite. There the run is reset to before
+   the event, or to the start of the failed stretch, and Python continues.
 
-   Linked with CasADi's code of `segment`, `judged` and `event_round`. Where nothing but time makes events, PLAIN is
-   defined: there is only a `segment`, without stop watch and stop flag behind its states. */
+   Linked with CasADi's code of `segment`, `judged` and `event_round`. If only time causes events, PLAIN is defined: there
+   is only a `segment`, without the stop time and stop flag after its states. */
 
 #include <stdlib.h>
 #include <string.h>
 
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, ARRIVED = 3, INTERRUPTED = 100 };
 enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
-enum { ROW = 1, MESH = 2 }; /* what an instant is asked for */
+enum { ROW = 1, MESH = 2 }; /* purposes of an instant */
 enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
-#define INSTANT 1e-12 /* instants are told apart by this share of the run, or of the time: guards.py */
-#define FEW_INSTANTS 2.0 /* an interval as short is not divided where a guard jumps in it: bracketing.py */
+#define INSTANT 1e-12 /* instants closer than this fraction of the run, or of the time, coincide: guards.py */
+#define FEW_INSTANTS 2.0 /* an interval this short is not divided where a guard jumps in it: bracketing.py */
 #define ROUNDINGS 2e-14
 #define LOCATED 1e-2
 #define BEHIND 1.001
@@ -54,15 +54,15 @@ struct event_loop {
   /* sizes */
   count_t states, dynamic, discretes, modes, timely, samples, memories, flags, relations, assigned, conditions, clauses, actions, asserts;
   count_t constants, boundaries;
-  /* what does not change in a run */
+  /* constant in a run */
   double span, relative, absolute, step;
   const count_t *assigned_at, *ends, *ties, *timed, *impossible;
   const double *scale, *nominal, *constant, *u, *p;
   const double *boundary, *timely_modes, *due, *times;
   const count_t *times_end;
-  /* where it is; `entered` once the event at the start of its segment has been, `arrived` at an event that was not passed */
+  /* the state of the run: `entered` after the event at the start of the segment, `arrived` at an event left to Python */
   count_t segment, entered, fresh, arrived;
-  double here, first; /* `first` is the mean step of the stretch before, 0 at the start */
+  double here, first; /* time, and mean step of the previous stretch, 0 at the start */
   double *x, *m;
   /* bounces (rest.py) */
   count_t count;
@@ -76,17 +76,17 @@ struct event_loop {
   struct acausal_run run;
   count_t steps, rejected, rhs, jacobians;
   count_t begun; /* steps before this stretch */
-  /* actions that were taken, for who differentiates the run; nothing is kept where there is no capacity */
+  /* actions that were taken, for derivatives of the run; nothing is stored if the capacity is 0 */
   count_t jumps, jump_capacity;
   double *jump_x, *jump_m, *jump_applied;
   count_t *jump_advances, *jumps_end;
-  /* what was found at samples and rows of each stretch, for who searches them; nothing is kept where there is no capacity.
-     Of each stretch: the end of its trail, its steps, and events before it */
+  /* times and states at the samples and rows of each stretch, for a search of missed events; nothing is stored if the
+     capacity is 0. For each stretch: the end of its trail, its steps, and the number of events before it */
   count_t trail, trail_capacity, stretches;
   double *trail_time, *trail_x;
   count_t *trail_end, *stretch_steps, *stretch_events;
-  /* steep functions of the rates, if any are to be sampled: columns of their arguments, how many they are, and which of them
-     a column belongs to. Of each stretch, how many places may have been passed over */
+  /* steep functions of the rates, if any are to be sampled: the number of columns and of functions, and the function to
+     which each column belongs. For each stretch, the number of places that may have been stepped over */
   count_t columns, functions;
   const count_t* owners;
   count_t* stretch_doubts;
@@ -103,19 +103,19 @@ struct space {
   double *assigned, *next_x, *next_m, *next_was, *next_decided, *acting, *applied, *conditions, *remembered, *asserts; /* of rounds */
   double *was, *decided;
   double next_level, settled, clash, level;
-  double *g, *rate, *error, *noise, *doubt, *band, *later, *never, *approach;
-  double *before_x, *before_m, *left_m, *wide, *lengths, *row, *ahead, *parameters, *x0, *nodes;
+  double *g, *rate, *error, *noise, *largest_noise, *band, *later_band, *no_band, *approach;
+  double *before_x, *before_m, *left_m, *instants, *lengths, *row, *ahead, *parameters, *x0, *nodes;
   struct node node[DEEPEST + 2];
-  double first, past; /* what the control of the step size hands on */
-  double step;        /* over which errors of stiff components have relaxed, 0 where it is not known */
-  double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* guards where they were asked for last */
+  double first, past; /* state of the step size control */
+  double step;        /* over which errors of stiff components have relaxed, 0 if unknown */
+  double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* point at which guards were evaluated last, and values */
   double *relaxed_noise; /* noises for a step */
   double known_t, known_step;
-  int known; /* 0 nothing, 1 guards, rates and noises, 2 noises for a step, too */
-  double *regime, *held; /* constants, modes and discrete variables, and what they alone determine; guards need it, too */
+  int known; /* 0 nothing, 1 guards, rates and noises, 2 also noises for a step */
+  double *regime, *held; /* constants, modes and discrete variables, and the values that they alone determine */
   int is_held;
-  double* last; /* the states from which the integrator took its last step before it was stopped, scaled */
-  unsigned char *fired, *asked;
+  double* last; /* scaled states from which the integrator took its last step before it was stopped */
+  unsigned char *fired, *purpose;
   count_t* flips;
   casadi_int arguments, results;
 };
@@ -124,7 +124,7 @@ static double as_one(const struct event_loop* s, double t) { return most(INSTANT
 
 
 #ifdef STEEP
-/* What steep.c samples, by scaled states and rates. */
+/* Evaluates the samples of steep.c from scaled states and rates. */
 struct sampler {
   const struct event_loop* s;
   const double** arg;
@@ -150,7 +150,7 @@ static int sample(void* sampler, double t, const double* y, const double* rate, 
   return steep(l->arg, l->res, l->iw, l->w, 0);
 }
 
-/* Memory for samples; 1 where there is none. */
+/* Allocate memory for samples; 1 if that fails. */
 static int sampler_of(struct event_loop* s, struct sampler* l) {
   casadi_int sizes[4];
   size_t each = (size_t) (2 * s->columns + 3 * s->functions);
@@ -172,7 +172,7 @@ static int sampler_of(struct event_loop* s, struct sampler* l) {
 }
 #endif
 
-/* One call of the round at modes `m`, from where the last one has come to. */
+/* One call of the round at modes `m`, from the state after the last one. */
 static int take_round(const struct event_loop* s, struct space* o, double t, const double* m) {
   double* results[13] = {o->assigned, o->next_x, o->next_m, o->next_was, o->next_decided, &o->next_level, &o->settled,
                          &o->clash, o->acting, o->applied, o->conditions, o->remembered, o->asserts};
@@ -182,14 +182,14 @@ static int take_round(const struct event_loop* s, struct space* o, double t, con
   return event_round(o->arg, o->res, o->iw, o->w, 0);
 }
 
-/* Whether guards were asked for at this point last: a stretch begins where its event has ended. */
+/* Whether guards were last evaluated at this point, as a stretch begins at the point where its event has ended. */
 static int is_known(const struct event_loop* s, const struct space* o, double t, const double* x) {
   return o->known && t == o->known_t && !memcmp(x, o->known_x, (size_t) s->states * sizeof(double))
     && !memcmp(s->m, o->known_m, (size_t) s->modes * sizeof(double));
 }
 
-/* What constants, modes and discrete variables alone determine. */
-static int hold(const struct event_loop* s, struct space* o, const double* x) {
+/* Update the values that constants, modes and discrete variables alone determine. */
+static int update_held(const struct event_loop* s, struct space* o, const double* x) {
   const double* discrete = x + s->states - s->discretes;
   double *modes = o->regime + s->constants, *own = modes + s->modes;
   size_t of_modes = (size_t) s->modes * sizeof(double), of_own = (size_t) s->discretes * sizeof(double);
@@ -201,21 +201,21 @@ static int hold(const struct event_loop* s, struct space* o, const double* x) {
   return !o->is_held;
 }
 
-/* By how much states can be wrong. */
+/* Bounds on the errors of states. */
 static void take_errors(const struct event_loop* s, struct space* o, const double* x) {
   count_t k;
   for (k = 0; k < s->states; ++k)
     o->error[k] = 10 * (s->relative * fabs(x[k]) + s->absolute * s->nominal[k]);
 }
 
-/* Guards, and with them their rates and noises: these are asked for next, and share most of the work. */
+/* Guards, together with their rates and noises, which are needed next and share most of the computation. */
 static int take_guards(const struct event_loop* s, struct space* o, double t, const double* x, double* g) {
   size_t relations = (size_t) s->relations * sizeof(double);
   count_t k;
   if (!is_known(s, o, t, x)) {
     double* results[3] = {o->known_g, o->known_rate, o->known_noise};
     o->known = 0;
-    if (hold(s, o, x)) return UNUSUAL;
+    if (update_held(s, o, x)) return UNUSUAL;
     take_errors(s, o, x);
     o->arg[0] = &t; o->arg[1] = x; o->arg[2] = o->held; o->arg[3] = o->error;
     memcpy(o->res, results, sizeof(results));
@@ -231,7 +231,7 @@ static int take_guards(const struct event_loop* s, struct space* o, double t, co
   return 0;
 }
 
-/* Rates of the guards along the solution, and by how much the guards can be wrong (guards.py). */
+/* Rates of the guards along the solution, and their noises, bounds on the errors of guards (guards.py). */
 static int rates_at(const struct event_loop* s, struct space* o, double t, const double* x) {
   double instant = as_one(s, t);
   size_t relations = (size_t) s->relations * sizeof(double);
@@ -259,7 +259,7 @@ static int rates_at(const struct event_loop* s, struct space* o, double t, const
 #endif
   for (k = 0; k < s->relations; ++k) {
     o->noise[k] += fabs(o->rate[k]) * instant;
-    if (o->noise[k] == 0) o->noise[k] = 1e-15; /* no error moves it, and it is rounded */
+    if (o->noise[k] == 0) o->noise[k] = 1e-15; /* independent of errors, but rounded */
     if (!isfinite(o->noise[k])) return UNUSUAL;
   }
   memcpy(o->relaxed_noise, o->noise, relations);
@@ -272,7 +272,7 @@ static int take_rates(const struct event_loop* s, struct space* o, double t) { r
 
 static count_t first_relation(const struct event_loop* s) { return s->modes - s->relations; }
 
-/* The rounds of an event: rounds.c. */
+/* The rounds of an event, in rounds.c. */
 static int settle(struct event_loop* s, struct space* o, double t, const double* before, const double* due);
 
 static void record(struct event_loop* s, double t, const double* x) {
@@ -282,7 +282,7 @@ static void record(struct event_loop* s, double t, const double* x) {
   ++s->rows;
 }
 
-/* Keep what was found at an instant of a stretch. */
+/* Store time and states at an instant of a stretch. */
 static void keep_trail(struct event_loop* s, double t, const double* x) {
   if (!s->trail_capacity) return;
   s->trail_time[s->trail] = t;
@@ -290,7 +290,7 @@ static void keep_trail(struct event_loop* s, double t, const double* x) {
   ++s->trail;
 }
 
-/* The row after an event, and what made it. */
+/* Record the row after an event, and the guards that caused it. */
 static void record_event(struct event_loop* s, double t, const unsigned char* fired) {
   s->event_time[s->events] = t;
   s->event_row[s->events] = s->rows;
@@ -302,7 +302,7 @@ static void record_event(struct event_loop* s, double t, const unsigned char* fi
   record(s, t, s->x);
 }
 
-/* Which guards end the stretch at this event: all that are reached and falling; at least the nearest. */
+/* Find the guards that end the stretch at this event: all that are reached and falling, at least the nearest. */
 static int find_fired(struct event_loop* s, struct space* o, double t) {
   count_t k, nearest = 0;
   int any = 0;
@@ -319,7 +319,7 @@ static int find_fired(struct event_loop* s, struct space* o, double t) {
   return 0;
 }
 
-/* Count an event of relations (rest.py); UNUSUAL where events follow one another without end. */
+/* Count an event of relations (rest.py); UNUSUAL if events follow each other without end. */
 static int count_event(struct event_loop* s, const struct space* o, double t) {
   double instant = as_one(s, t);
   count_t k;
@@ -335,7 +335,7 @@ static int count_event(struct event_loop* s, const struct space* o, double t) {
 }
 
 /* The event at the start of a segment. */
-static int enter(struct event_loop* s, struct space* o) {
+static int enter_segment(struct event_loop* s, struct space* o) {
   double t = s->boundary[s->segment];
   count_t k;
   int near = 0;
@@ -363,8 +363,8 @@ static double step_of(const struct event_loop* s, double t) {
   return own > 0 && s->first > 0 ? (own < s->first ? own : s->first) : most(own, s->first);
 }
 
-/* What the guards of a node are, whose time and states are there. */
-static int to_node(const struct event_loop* s, struct space* o, struct node* n) {
+/* Evaluate the guards of a node, whose time and states are set. */
+static int evaluate_node(const struct event_loop* s, struct space* o, struct node* n) {
   count_t k;
   if (!s->relations) return 0;
   o->step = step_of(s, n->t);
@@ -377,8 +377,8 @@ static int to_node(const struct event_loop* s, struct space* o, struct node* n) 
   return 0;
 }
 
-/* Integrate from a node to `count` instants, or until a guard is `band` below zero. `o->row` is what is there, scaled;
-   from `*stop` on it stands still, INFINITY if nowhere. */
+/* Integrate from a node to `count` instants, or until a guard is `band` below zero. `o->row` are the scaled states there;
+   from `*stop` on they do not change, INFINITY if no guard stops them. */
 static int advance(struct event_loop* s, struct space* o, const struct node* from, const double* ends, count_t count,
                    const double* band, double* stop) {
   count_t n = s->dynamic, k, last = (count - 1) * (n + WATCH);
@@ -392,7 +392,7 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   memcpy(q + s->constants, s->m, s->modes * sizeof(double));
   memcpy(q + s->constants + s->modes, s->x + s->states - s->discretes, s->discretes * sizeof(double));
 #else
-  if (hold(s, o, s->x)) return UNUSUAL;
+  if (update_held(s, o, s->x)) return UNUSUAL;
 #endif
   q += s->constants + s->modes + s->discretes;
   *q++ = from->t;
@@ -402,12 +402,12 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   s->run.first = s->step > 0 ? 0.0 : o->first;
   s->run.past = o->past;
   s->run.last = o->last;
-  s->run.is_blind = band == o->never;
+  s->run.is_blind = band == o->no_band;
   s->run.distances = from->above;
 #ifdef STEEP
   if (s->run.sample) ((struct sampler*) s->run.sampler)->start = from->t;
 #endif
-  /* arguments and results that are not asked for */
+  /* arguments and results that are not used */
   memset(o->arg, 0, sizeof(double*) * (size_t) o->arguments);
   memset(o->res, 0, sizeof(double*) * (size_t) o->results);
   o->arg[0] = o->x0; o->arg[1] = o->x0; o->arg[2] = o->parameters; o->arg[3] = (const double*) &s->run;
@@ -427,7 +427,7 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
 }
 
 /* The states of a row, at time `t`. */
-static void to_row(const struct event_loop* s, const struct space* o, count_t row, double t, struct node* to) {
+static void read_row(const struct event_loop* s, const struct space* o, count_t row, double t, struct node* to) {
   const double* from = o->row + row * (s->dynamic + WATCH);
   count_t k;
   to->t = t;
@@ -435,39 +435,39 @@ static void to_row(const struct event_loop* s, const struct space* o, count_t ro
   memcpy(to->x + s->dynamic, s->x + s->dynamic, (s->states - s->dynamic) * sizeof(double));
 }
 
-/* A node at `end`, whatever guards are passed on the way. */
-static int exactly(struct event_loop* s, struct space* o, const struct node* from, double end, struct node* to) {
+/* A node at `end`, even if guards are passed before it. */
+static int step_to(struct event_loop* s, struct space* o, const struct node* from, double end, struct node* to) {
   double stop;
-  int status = advance(s, o, from, &end, 1, o->never, &stop);
+  int status = advance(s, o, from, &end, 1, o->no_band, &stop);
   if (status) return status;
-  to_row(s, o, 0, end, to);
-  return to_node(s, o, to);
+  read_row(s, o, 0, end, to);
+  return evaluate_node(s, o, to);
 }
 
-/* A node where the integrator was stopped: again by a step that ends there, from where it took its last one. */
-static int stopped(struct event_loop* s, struct space* o, double begin, double end, struct node* to) {
+/* A node where the integrator was stopped, computed by a step that ends there, from the start of its last step. */
+static int step_to_stop(struct event_loop* s, struct space* o, double begin, double end, struct node* to) {
   struct node* from = o->node;
   double t = begin + s->run.last_time, first = o->first;
   count_t k;
   int status;
-  if (t > from->t && t < end) { /* no row has been reached behind it */
+  if (t > from->t && t < end) { /* the last step began after the last row */
     memcpy(to->x, from->x, (size_t) s->states * sizeof(double));
     to->t = t;
     for (k = 0; k < s->dynamic; ++k) to->x[k] = o->last[k] * s->scale[k];
     o->first = end - t;
     from = to;
   }
-  status = exactly(s, o, from, end, to);
+  status = step_to(s, o, from, end, to);
   o->first = first;
   return status;
 }
 
-/* Go from node 0 to node 1, and leave in node 0 the first event between them, if there is one, else node 1; see
-   bracketing.py. Nodes 1, 2 ... are a stack of those that are still ahead. */
+/* Search from node 0 to node 1 for an event, and leave the first one in node 0, or node 1 if there is none; see
+   bracketing.py. Nodes 1, 2, ... are a stack of those still ahead. */
 static int search(struct event_loop* s, struct space* o, double instant, int* found) {
   struct node* left = o->node;
   count_t top = 1, count, k;
-  double widths[2] = {INFINITY, INFINITY}; /* of the intervals that got the last two points */
+  double widths[2] = {INFINITY, INFINITY}; /* of the intervals that were divided last */
   int moved = 0;
   *found = 0;
   for (count = 0; count < MOST_POINTS; ++count) {
@@ -483,10 +483,10 @@ static int search(struct event_loop* s, struct space* o, double instant, int* fo
     if (here) { *found = 1; return 0; }
     wide = width > instant;
     is_there = passed && (!wide || !far);
-    /* others may have been passed there and back before one is reached */
-    trial = wide ? doubt_of(s->relations, left, right, is_there, width > 0.5 * widths[1]) : INFINITY;
+    /* before a guard is reached, others may have been passed in both directions */
+    trial = wide ? next_candidate(s->relations, left, right, is_there, width > 0.5 * widths[1]) : INFINITY;
     if (!isfinite(trial)) {
-      copied(s->states, s->relations, right, left);
+      copy_node(s->states, s->relations, right, left);
       moved = 1;
       if (is_there) { *found = 1; return 0; }
       if (--top == 0) return 0;
@@ -500,11 +500,11 @@ static int search(struct event_loop* s, struct space* o, double instant, int* fo
     }
     if (trial > right->t - 0.5 * instant) trial = right->t - 0.5 * instant;
     if (top == DEEPEST) return UNUSUAL;
-    status = exactly(s, o, left, trial, o->node + ++top);
+    status = step_to(s, o, left, trial, o->node + ++top);
     if (status) return status;
     for (k = 0; k < s->relations && top > 1; ++k)
       if (o->node[top].above[k] < 0) { /* the first event is before it */
-        copied(s->states, s->relations, o->node + top, o->node + 1);
+        copy_node(s->states, s->relations, o->node + top, o->node + 1);
         top = 1;
       }
   }

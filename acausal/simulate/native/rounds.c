@@ -1,15 +1,15 @@
-/* The rounds of an event, on top of event_loop.c: what simulate/events/iteration.py does. */
+/* The rounds of an event, using event_loop.c; the counterpart of simulate/events/iteration.py. */
 
 static count_t first_memory(const struct event_loop* s) { return s->timely + s->samples; }
 
-static int up_to_date(const struct event_loop* s, const struct space* o) {
+static int memories_are_current(const struct event_loop* s, const struct space* o) {
   count_t k;
   for (k = 0; k < s->memories; ++k)
     if (o->remembered[k] != s->m[first_memory(s) + k]) return 0;
   return 1;
 }
 
-/* Flip relations and apply discrete equations until all hold; what the round makes of it is left in `o`. */
+/* Flip relations and apply discrete equations until all hold; the results of the last round are left in `o`. */
 static int decide(struct event_loop* s, struct space* o, double t, count_t* turn) {
   count_t round, k;
   for (round = 0; round < MOST_ROUNDS; ++round) {
@@ -21,15 +21,15 @@ static int decide(struct event_loop* s, struct space* o, double t, count_t* turn
     }
     if (moved) continue;
     if (!s->relations) return 0;
-    leaving = up_to_date(s, o);
+    leaving = memories_are_current(s, o);
     if (take_guards(s, o, t, s->x, o->g)) return UNUSUAL;
     for (k = 0; k < s->relations; ++k) far &= o->g[k] > 1.0;
     if (far) return 0;
     if (take_rates(s, o, t)) return UNUSUAL;
     for (k = 0; k < s->relations; ++k) {
       double noise = o->noise[k];
-      o->doubt[k] = most(o->doubt[k], noise);
-      if (o->flips[k] > 1) noise = o->doubt[k];
+      o->largest_noise[k] = most(o->largest_noise[k], noise);
+      if (o->flips[k] > 1) noise = o->largest_noise[k];
       double near = most(LOCATED * noise, fabs(o->rate[k]) * as_one(s, t));
       double* mode = s->m + first_relation(s) + k;
       int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
@@ -45,13 +45,13 @@ static int decide(struct event_loop* s, struct space* o, double t, count_t* turn
   return UNUSUAL;
 }
 
-static void walk_anew(const struct event_loop* s, struct space* o, count_t* turn) {
+static void reset_flips(const struct event_loop* s, struct space* o, count_t* turn) {
   count_t k;
   *turn = 0;
-  for (k = 0; k < s->relations; ++k) { o->flips[k] = 0; o->doubt[k] = 0.0; }
+  for (k = 0; k < s->relations; ++k) { o->flips[k] = 0; o->largest_noise[k] = 0.0; }
 }
 
-/* Keep the actions of a round, and where they are taken; UNUSUAL where there is no room. */
+/* Store the actions of a round, and the point at which they are taken; UNUSUAL if there is no room. */
 static int keep_jump(struct event_loop* s, const struct space* o) {
   count_t k;
   int any = memcmp(s->m, o->next_m, (size_t) s->modes * sizeof(double)) != 0;
@@ -65,7 +65,7 @@ static int keep_jump(struct event_loop* s, const struct space* o) {
   return 0;
 }
 
-/* Rounds from modes that have changed already until one changes nothing; `before` are those that held. */
+/* Repeat rounds, from modes that have already changed, until one changes nothing; `before` are the modes until now. */
 static int settle(struct event_loop* s, struct space* o, double t, const double* before, const double* due) {
   count_t k, round, turn;
   int ticked = 0;
@@ -79,7 +79,7 @@ static int settle(struct event_loop* s, struct space* o, double t, const double*
   }
   for (k = 0; k < s->samples; ++k) s->m[s->timely + k] = due ? due[k] : 0.0;
   for (k = 0; k < s->flags; ++k) s->m[first_memory(s) + s->memories + k] = 0.0;
-  walk_anew(s, o, &turn);
+  reset_flips(s, o, &turn);
   for (round = 0;; ++round) {
     if (round == MOST_ROUNDS || decide(s, o, t, &turn) || o->clash != 0.0) return UNUSUAL;
     for (k = 0; o->next_level == 0.0 && k < s->clauses; ++k) {
@@ -89,7 +89,7 @@ static int settle(struct event_loop* s, struct space* o, double t, const double*
     }
     if (o->settled > 0.5) break;
     if (keep_jump(s, o)) return UNUSUAL;
-    if (memcmp(s->x, o->next_x, (size_t) s->dynamic * sizeof(double))) walk_anew(s, o, &turn);
+    if (memcmp(s->x, o->next_x, (size_t) s->dynamic * sizeof(double))) reset_flips(s, o, &turn);
     memcpy(s->x, o->next_x, (size_t) s->states * sizeof(double));
     memcpy(s->m, o->next_m, (size_t) s->modes * sizeof(double));
     memcpy(o->was, o->next_was, conditions);
@@ -102,10 +102,10 @@ static int settle(struct event_loop* s, struct space* o, double t, const double*
     ticked |= s->m[s->timely + k] != 0.0;
     s->m[s->timely + k] = 0.0;
   }
-  if (ticked && (s->memories || s->assigned)) { /* samples are false again, also to what remembers them */
+  if (ticked && (s->memories || s->assigned)) { /* samples are false again, and memories follow them */
     if (take_round(s, o, t, s->m)) return UNUSUAL;
     for (k = 0; k < s->assigned; ++k)
-      if (o->assigned[k] != s->x[s->assigned_at[k]]) return UNUSUAL; /* a discrete equation reads them: more rounds */
+      if (o->assigned[k] != s->x[s->assigned_at[k]]) return UNUSUAL; /* a discrete equation reads them, and needs more rounds */
     for (k = 0; k < s->memories; ++k) s->m[first_memory(s) + k] = o->remembered[k];
   }
   for (k = 0; k < s->states; ++k)

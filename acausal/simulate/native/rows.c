@@ -1,35 +1,37 @@
 /* Rows inside of a step.
 
-   Dense output of CasADi's one-step methods holds for what is slow; of a component that follows its source at once it is
-   as wrong as a polynomial through stages that are not on it. So each step with rows inside is evaluated at three points:
-   what its polynomial p leaves of the equations, p' - f(p), carried over to the states by the matrix of the step, is the
-   error of the polynomial there (W. H. Enright, Continuous numerical methods for ODEs with defect control, Journal of
-   Computational and Applied Mathematics 125, 2000; the matrix for what is stiff). A polynomial of degree four that is
-   right at both ends and at three points between is right. Where it is not, the step is taken again up to the row.
+   Dense output of CasADi's one-step methods is accurate for slow components. For a component that follows its source
+   immediately, it is a polynomial through inaccurate stages. So each step with rows inside is checked at three points: the
+   defect of its polynomial p, p' - f(p), is mapped to the states by the matrix of the step, which gives the error of the
+   polynomial there (W. H. Enright, Continuous numerical methods for ODEs with defect control, Journal of Computational and
+   Applied Mathematics 125, 2000; the matrix is added here for stiff components). A polynomial of degree four that is
+   accurate at both ends and at three points between them is accurate everywhere. Otherwise the step is repeated up to the
+   row.
 
-   Steps leave of what is stiff much less than a tolerance, and guards live on that: the current of a diode is a voltage
-   by micro-ohms. So in each row what the defect makes of stiff components is taken away: with e for the error above and
-   A = M/(h gamma) - J for the matrix, e - A^-1 M e/(h gamma), which is e where J is large and nothing where it is small. */
+   Errors of stiff components at the end of a step are much smaller than the tolerance, and guards depend on that: the
+   current of a diode is a voltage divided by micro-ohms. So each row is corrected by the effect of the defect on stiff
+   components: with the error e above and the matrix A = M/(h gamma) - J, the correction is e - A^-1 M e/(h gamma), which is
+   e where J is large, and zero where it is small. */
 
-enum { ROWS_MOST = 20000, ROWS_POINTS = 3, ROWS_LONGEST = 64, ROWS_AGAIN = 20 };
-/* How many tolerances such an error may be. Steps that just pass their error test have one of what is slow, which is three
-   tolerances of its true error (measured). */
+enum { ROWS_MOST = 20000, ROWS_POINTS = 3, ROWS_LONGEST = 64, ROWS_MOST_REPEATS = 20 };
+/* Allowed error in tolerances. For slow components, a step that just passes its error test has an error of one tolerance,
+   when the true error is three (measured). */
 #define ROWS_GOOD 2.0
 
 struct acausal_rows {
-  int point;               /* of the step that is being evaluated, 0 for none, ROWS_POINTS + 1 for the row */
-  int at_place;            /* whether the equations at a place (steep.c) were asked for */
-  int again;               /* how often this step was taken again up to a place */
-  int stepped;             /* whether a step was accepted that may have more places */
-  casadi_int next;         /* how the method goes on behind that */
-  casadi_real stop;        /* where it has to stop, but for places */
+  int point;               /* of the step that is being checked, 0 for none, ROWS_POINTS + 1 for the row */
+  int at_candidate;        /* whether the equations at a candidate (steep.c) were requested */
+  int repeats;             /* how often this step was repeated up to a candidate */
+  int stepped;             /* whether a step was accepted that may have more candidates */
+  casadi_int next;         /* how the method continues after that */
+  casadi_real stop;        /* where it has to stop, apart from candidates */
   struct acausal_samples samples;
-  casadi_real good;        /* start of the step that was good */
-  casadi_int halting, bad; /* rows that are ends of steps without more ado, and how many it was the last time */
+  casadi_real checked;     /* start of the step that was found accurate */
+  casadi_int halting, bad; /* how many rows to come end steps without a check, and their number the last time */
   casadi_real *y, *f;
 };
 
-/* Ask for the equations at the next point of the step; the last one is the row. */
+/* Request the equations at the next point of the step; the last one is the row. */
 static int acausal_evaluate_point(struct casadi_ivp_data* d, struct acausal_rows* r) {
   const struct casadi_ivp_prob* p = d->prob;
   d->t_arg = ++r->point > ROWS_POINTS ? d->t_out : d->t0 + r->point * d->h / (ROWS_POINTS + 1.);
@@ -40,7 +42,7 @@ static int acausal_evaluate_point(struct casadi_ivp_data* d, struct acausal_rows
   return casadi_ivp_request(d, IVP_EVAL_RHS, IVP_DONE);
 }
 
-/* The largest error of the polynomial at this point, in tolerances; `f` becomes what has to be added to it. */
+/* The largest error of the polynomial at this point, in tolerances; `f` becomes the correction to be added to it. */
 static casadi_real acausal_error(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r) {
   const struct casadi_ivp_prob* p = d->prob;
   casadi_int i, k, first[3], count[3];
@@ -59,7 +61,7 @@ static casadi_real acausal_error(struct casadi_ivp_data* d, METHOD_DATA* e, stru
   METHOD_RELAX(d, e, r->f);
   for (k = 0; k < 3; ++k)
     for (i = first[k]; i < first[k] + count[k]; ++i) {
-      casadi_real a = fabs(d->y0[i]), b = fabs(d->y[i]); /* as the error test of the step has it */
+      casadi_real a = fabs(d->y0[i]), b = fabs(d->y[i]); /* as in the error test of the step */
       casadi_real error = fabs(r->f[i]) / (p->abstol + p->reltol * (a > b ? a : b));
       if (!(error <= found)) found = error;
       if (!casadi_ivp_isfinite(found)) return found;
@@ -68,7 +70,7 @@ static casadi_real acausal_error(struct casadi_ivp_data* d, METHOD_DATA* e, stru
 }
 
 #ifdef METHOD_IS_STIFF
-/* Take from the row what is wrong with stiff components. */
+/* Correct the errors of stiff components in the row. */
 static void acausal_correct(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r) {
   const struct casadi_ivp_prob* p = d->prob;
   casadi_int n = p->nx + p->nz;
@@ -80,9 +82,9 @@ static void acausal_correct(struct casadi_ivp_data* d, METHOD_DATA* e, struct ac
 }
 #endif
 
-/* Whether an event has stopped the solution before the row: its transition makes all rates zero, so that the state behind
-   it is what any further step would lead to. */
-static int acausal_stands(struct casadi_ivp_data* d, struct acausal_run* run) {
+/* Whether an event has stopped the solution before the row: its transition makes all rates zero, so that the state after
+   it is the result of any further step. */
+static int acausal_is_stopped(struct casadi_ivp_data* d, struct acausal_run* run) {
   if (d->prob->ne == 0 || !d->jump || d->t >= d->t_out) return 0;
   if (run->last) casadi_copy(d->y0, d->prob->ny, run->last);
   run->last_time = d->t0;
@@ -91,8 +93,8 @@ static int acausal_stands(struct casadi_ivp_data* d, struct acausal_run* run) {
   return !casadi_ivp_stop(d, IVP_SUCCESS);
 }
 
-/* Take the step again, no farther than to a time inside of it. */
-static void acausal_again(struct casadi_ivp_data* d, struct acausal_rows* r, casadi_real stop) {
+/* Repeat the step, up to a time inside of it. */
+static void acausal_repeat(struct casadi_ivp_data* d, struct acausal_rows* r, casadi_real stop) {
   if (d->prob->ne > 0 && d->ev_fired >= 0) {
     --d->n_events;
     d->ev_restart = d->jump = 0;
@@ -101,22 +103,22 @@ static void acausal_again(struct casadi_ivp_data* d, struct acausal_rows* r, cas
   d->h_next = d->h;
   r->stepped = 0;
   r->samples.end = NAN;
-  r->good = NAN;
+  r->checked = NAN;
   casadi_ivp_reset(d, d->t0, d->u, 0);
   casadi_ivp_advance(d, d->t_out, stop, 0);
 }
 
-/* Ask for the equations at the next place of an accepted step; 0 where there is none. */
-static int acausal_next_place(struct casadi_ivp_data* d, struct acausal_rows* r, struct acausal_run* run) {
+/* Request the equations at the next candidate of an accepted step; 0 if there is none. */
+static int acausal_check_candidate(struct casadi_ivp_data* d, struct acausal_rows* r, struct acausal_run* run) {
   casadi_real t;
-  if (r->again > ROWS_AGAIN) return 0;
-  t = acausal_place(d, &r->samples, run, r->y, r->f);
+  if (r->repeats > ROWS_MOST_REPEATS) return 0;
+  t = acausal_next_candidate(d, &r->samples, run, r->y, r->f);
   if (!(t < INFINITY)) {
     if (t != t) { ++run->doubts; r->samples.end = NAN; }
     return 0;
   }
   casadi_ivp_interpolate(d, t, r->y);
-  r->at_place = 1;
+  r->at_candidate = 1;
   r->next = d->next;
   d->t_arg = t;
   d->y_arg = r->y;
@@ -124,21 +126,21 @@ static int acausal_next_place(struct casadi_ivp_data* d, struct acausal_rows* r,
   return casadi_ivp_request(d, IVP_EVAL_RHS, IVP_DONE);
 }
 
-/* The method up to the next row, with steps that end where they would pass over what a steep function does: 1 while a task is
-   to be carried out, -1 where an event has stopped it. */
-static int acausal_method(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
-  if (r->at_place) {
+/* The method up to the next row, with steps that end where they would step over a change of a steep function: 1 while a task is
+   to be carried out, -1 if an event has stopped it. */
+static int acausal_advance(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
+  if (r->at_candidate) {
     int good = !d->fail && acausal_error(d, e, r) <= ROWS_GOOD;
     ++d->n_rhs;
-    r->at_place = d->fail = 0;
+    r->at_candidate = d->fail = 0;
     d->next = r->next;
-    if (!good && ++r->again <= ROWS_AGAIN) acausal_again(d, r, d->t_arg);
+    if (!good && ++r->repeats <= ROWS_MOST_REPEATS) acausal_repeat(d, r, d->t_arg);
     else if (!good) ++run->doubts;
   }
   for (;;) {
-    if (r->stepped && acausal_next_place(d, r, run)) return 1;
+    if (r->stepped && acausal_check_candidate(d, r, run)) return 1;
     r->stepped = 0;
-    if (acausal_stands(d, run)) return -1;
+    if (acausal_is_stopped(d, run)) return -1;
     if (METHOD(d, e)) return 1;
     if (d->status != IVP_SUCCESS || !d->pause) return 0;
     if (d->next == IVP_DONE) {
@@ -148,17 +150,17 @@ static int acausal_method(struct casadi_ivp_data* d, METHOD_DATA* e, struct acau
     r->stepped = 1;
     r->samples.ready = 0;
     if (d->t == d->t_stop && d->t_stop < r->stop) d->t_stop = r->stop;
-    else r->again = 0;
+    else r->repeats = 0;
   }
 }
 
-/* The method up to the next row, and the points of a step with rows inside: 1 while a task is to be carried out. */
+/* The method up to the next row, and the checks of a step with rows inside: 1 while a task is to be carried out. */
 static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acausal_rows* r, struct acausal_run* run) {
   if (r->point == 0) {
-    int going = acausal_method(d, e, r, run);
+    int going = acausal_advance(d, e, r, run);
     if (going) return going > 0;
     if (d->status != IVP_SUCCESS || d->t == d->t_out) return 0;
-    if (d->t0 == r->good) r->point = ROWS_POINTS;
+    if (d->t0 == r->checked) r->point = ROWS_POINTS;
     return acausal_evaluate_point(d, r);
   }
   ++d->n_rhs;
@@ -166,20 +168,20 @@ static int acausal_going(struct casadi_ivp_data* d, METHOD_DATA* e, struct acaus
     if (r->point <= ROWS_POINTS) return acausal_evaluate_point(d, r);
     METHOD_CORRECT(d, e, r);
     r->point = 0;
-    r->good = d->t0;
+    r->checked = d->t0;
     r->bad = 0;
     return 0;
   }
-  /* again, up to the row */
+  /* repeat the step up to the row */
   r->point = 0;
   r->bad = r->bad ? (2 * r->bad < ROWS_LONGEST ? 2 * r->bad : ROWS_LONGEST) : 1;
   r->halting = r->bad;
-  acausal_again(d, r, d->t_out);
+  acausal_repeat(d, r, d->t_out);
   r->stop = d->t_out;
-  return acausal_method(d, e, r, run) > 0;
+  return acausal_advance(d, e, r, run) > 0;
 }
 
-/* Go on to row k, and no farther than there where steps end at rows. */
+/* Continue to row k, and not past it if steps end at rows. */
 static void acausal_to_row(struct casadi_ivp_data* d, struct acausal_rows* r, const struct acausal_run* run, casadi_int k) {
   int halts = d->prob->step_size > 0 || d->prob->ny > ROWS_MOST || r->halting > 0;
   if (r->halting > 0) --r->halting;

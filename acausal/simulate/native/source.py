@@ -116,7 +116,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
         r"  casadi_ivp_setup\(&p\);\n",
         r"\g<0>  casadi_real own[2 * (p.ny > ROWS_MOST ? 0 : p.ny) + 1];\n"
         "  struct acausal_rows rows = {0};\n"
-        "  rows.good = NAN; rows.y = own; rows.f = own + (p.ny > ROWS_MOST ? 0 : p.ny);\n",
+        "  rows.checked = NAN; rows.y = own; rows.f = own + (p.ny > ROWS_MOST ? 0 : p.ny);\n",
     ),
     (
         r"while \(casadi_(?:rosenbrock|erk)\(&d, &e\)\) \{\n",

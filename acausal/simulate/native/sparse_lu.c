@@ -1,11 +1,11 @@
-/* Linear systems of a step by a sparse LU with pivots on the diagonal, whose pattern is known when this is generated.
+/* Linear systems of a step by a sparse LU with pivots on the diagonal, whose pattern is known when the code is generated.
 
-   CasADi's QR is sturdy and takes four times the operations and, for a ball of 13 states, half of a run. M/(h gamma) - J is
-   dominated by its diagonal where steps are short, so pivots are rarely needed, and whether they were shows: row i of the
-   matrix that was really factorised differs from row i of A by at most n roundings of |L||U| (N. J. Higham, Accuracy and
-   Stability of Numerical Algorithms, 2002, theorem 9.3). Where that is more than LU_GROWTH times the largest entry of the
-   row, where a pivot is zero or anything is not finite, QR decides, as it does about what is singular. Rows are judged
-   one by one, so that neither units of states nor those of equations matter.
+   CasADi's QR is robust, but takes four times the operations, and half of a run for a ball of 13 states. The matrix
+   M/(h gamma) - J is dominated by its diagonal if steps are short, so pivoting is rarely needed. Its need can be detected:
+   row i of the matrix that was actually factorised differs from row i of A by at most n roundings of |L||U| (N. J. Higham,
+   Accuracy and Stability of Numerical Algorithms, 2002, theorem 9.3). If that exceeds LU_GROWTH times the largest entry of
+   the row, if a pivot is zero, or if a value is not finite, QR is used, which also decides whether A is singular. Rows are
+   judged separately, so that neither the units of states nor those of equations matter.
 
    Rows and columns are numbered in the order of elimination (sparse_lu.py). */
 

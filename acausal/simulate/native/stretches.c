@@ -1,7 +1,7 @@
-/* The loop over stretches and their events, on top of event_loop.c: outputs and mesh points of a stretch, memory of a call. */
+/* The loop over stretches and their events, using event_loop.c: outputs and mesh points of a stretch, memory of a call. */
 
-/* Whether a guard that falls is within its noise at node 1, and should have been passed by its rate: it may linger there
-   (stopping.py). */
+/* Whether a falling guard is within its noise at node 1, although by its rate it should have been passed: it may stay
+   near zero (stopping.py). */
 static int lingers(const struct event_loop* s, const struct space* o) {
   const struct node *left = o->node, *right = o->node + 1;
   count_t k;
@@ -11,69 +11,69 @@ static int lingers(const struct event_loop* s, const struct space* o) {
   return 0;
 }
 
-/* A row, or only a mesh point, has been reached by node 0; from then on guards may go as far as the noise where they rest. */
-static void reached(struct event_loop* s, struct space* o, count_t* k) {
+/* Process a row or mesh point that node 0 has reached; from there on, resting guards may go as far as their noise. */
+static void mark_reached(struct event_loop* s, struct space* o, count_t* k) {
   count_t j;
-  if (o->asked[*k] & ROW) record(s, o->wide[*k], o->node[0].x);
-  keep_trail(s, o->wide[*k], o->node[0].x);
+  if (o->purpose[*k] & ROW) record(s, o->instants[*k], o->node[0].x);
+  keep_trail(s, o->instants[*k], o->node[0].x);
   ++*k;
   for (j = 0; j < s->relations; ++j) {
-    o->node[0].above[j] += o->later[j] - o->band[j];
-    o->band[j] = o->later[j];
+    o->node[0].above[j] += o->later_band[j] - o->band[j];
+    o->band[j] = o->later_band[j];
   }
 }
 
-/* Go from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
+/* Integrate from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
 static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t last, int* found) {
   int stops = 0, status;
   count_t j;
   while (*k <= last) {
     count_t first = *k;
-    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->wide[last])), begin = o->node[0].t, stop, t, beyond;
-    status = advance(s, o, o->node, o->wide + first, last - first + 1, o->band, &stop);
+    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->instants[last])), begin = o->node[0].t, stop, t, beyond;
+    status = advance(s, o, o->node, o->instants + first, last - first + 1, o->band, &stop);
     if (status) return status;
-    /* search integrates on its own: what is ahead has to be kept */
+    /* the search integrates itself, and would overwrite the rows ahead */
     if (last > first) memcpy(o->ahead, o->row, (size_t) ((last - first + 1) * (s->dynamic + WATCH)) * sizeof(double));
-    while (*k <= last && o->wide[*k] <= stop) {
+    while (*k <= last && o->instants[*k] <= stop) {
       if (last > first) memcpy(o->row, o->ahead + (*k - first) * (s->dynamic + WATCH), (size_t) (s->dynamic + WATCH) * sizeof(double));
-      to_row(s, o, 0, o->wide[*k], o->node + 1);
-      status = to_node(s, o, o->node + 1);
+      read_row(s, o, 0, o->instants[*k], o->node + 1);
+      status = evaluate_node(s, o, o->node + 1);
       if (!status && lingers(s, o)) status = UNUSUAL;
       if (!status) status = search(s, o, instant, found);
       if (status || *found) return status;
-      reached(s, o, k);
+      mark_reached(s, o, k);
       stops = 0;
     }
     if (*k > last) return 0;
-    /* something was reached on dense output: whether it is, a step that ends there shows, else one that ends where the
-       integrator's did, at which a guard is passed by its own account */
+    /* A guard was reached on dense output. A step that ends there shows whether it really is, and otherwise a step that
+       ends where the one of the integrator did, at which it took a guard as passed. */
     ++stops;
-    t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->wide[*k];
+    t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->instants[*k];
     beyond = t == stop ? begin + s->run.last_end : t;
-    status = t == stop ? stopped(s, o, begin, t, o->node + 1) : exactly(s, o, o->node, t, o->node + 1);
+    status = t == stop ? step_to_stop(s, o, begin, t, o->node + 1) : step_to(s, o, o->node, t, o->node + 1);
     if (!status) status = search(s, o, instant, found);
     if (status || *found) return status;
-    for (j = 0; t < o->wide[*k] && j < s->relations; ++j)
+    for (j = 0; t < o->instants[*k] && j < s->relations; ++j)
       *found |= o->node->above[j] <= o->node->near[j] && o->node->rate[j] < 0;
     if (*found) return 0;
-    if (beyond > t + instant && t < o->wide[*k]) {
-      t = beyond < o->wide[*k] ? beyond : o->wide[*k];
-      status = exactly(s, o, o->node, t, o->node + 1);
+    if (beyond > t + instant && t < o->instants[*k]) {
+      t = beyond < o->instants[*k] ? beyond : o->instants[*k];
+      status = step_to(s, o, o->node, t, o->node + 1);
       if (!status) status = search(s, o, instant, found);
       if (status || *found) return status;
     }
-    if (t == o->wide[*k]) {
-      reached(s, o, k);
+    if (t == o->instants[*k]) {
+      mark_reached(s, o, k);
       stops = 0;
     }
   }
   return 0;
 }
 
-/* Whether a flight begins that may be lower than the noise, by the pull of the one that ended; rest.py
-   decides, and predicts from the last few when flights end.
-   `before` are the rates at the impact; relations that no `when` resets, or that nothing holds at rest, are impossible. */
-static int may_land(const struct event_loop* s, struct space* o, double t, const double* before) {
+/* Whether the next bounce may be lower than the noise, estimated from the acceleration in the last one; rest.py decides,
+   and predicts from the last few bounces when they end. `before` are the rates at the impact. Relations that no `when`
+   resets, or that nothing holds at rest, are impossible. */
+static int may_come_to_rest(const struct event_loop* s, struct space* o, double t, const double* before) {
   count_t k;
   if (take_rates(s, o, t)) return 1;
   for (k = 0; k < s->relations; ++k) {
@@ -84,13 +84,13 @@ static int may_land(const struct event_loop* s, struct space* o, double t, const
   return 0;
 }
 
-/* As many as there would be in the whole run (Hybrid.mesh). */
+/* Number of mesh points in a time span, for MESH_POINTS in the whole run (Hybrid.mesh). */
 static count_t mesh_points(const struct event_loop* s, double span) {
   double found = most(FEWEST_POINTS, ceil(MESH_POINTS * span / s->span));
   return found < MESH_POINTS ? (count_t) found : MESH_POINTS;
 }
 
-/* The event at the end of a stretch. Where it is not ordinary, the run stays before it, and the stretch is not lost. */
+/* Process the event at the end of a stretch. If it is not ordinary, the run stays before it, and keeps the stretch. */
 static int pass_event(struct event_loop* s, struct space* o, double time) {
   struct event_loop kept = *s;
   count_t k;
@@ -103,7 +103,7 @@ static int pass_event(struct event_loop* s, struct space* o, double time) {
     if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
   if (!status) status = settle(s, o, time, o->left_m, 0);
   for (k = 0; k < s->states; ++k) changed |= s->x[k] != o->x0[k];
-  if (!status && changed) status = may_land(s, o, time, o->approach);
+  if (!status && changed) status = may_come_to_rest(s, o, time, o->approach);
   if (!status) status = count_event(s, o, time);
   if (status) {
     *s = kept;
@@ -116,8 +116,8 @@ static int pass_event(struct event_loop* s, struct space* o, double time) {
   return 0;
 }
 
-/* A stretch, and the event that ends it. */
-static int stretch(struct event_loop* s, struct space* o) {
+/* Integrate over a stretch, and the event that ends it. */
+static int integrate_stretch(struct event_loop* s, struct space* o) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
   count_t from = s->segment ? s->times_end[s->segment - 1] : 0, until = s->times_end[s->segment];
   count_t points = s->relations ? mesh_points(s, end - s->here) : 1, mesh = 1; /* the end is always one */
@@ -139,45 +139,45 @@ static int stretch(struct event_loop* s, struct space* o) {
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
-    /* one that was kept in its mode for a moment more goes past its guard as far as is seen */
-    o->later[k] = resting ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
+    /* one that still falls, as its mode was kept a little longer, passes its guard by as much as can be distinguished */
+    o->later_band[k] = resting ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
     o->band[k] = !resting && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * as_one(s, s->here))
-      ? most(-BEHIND * o->g[k], 0.0) : o->later[k];
-    o->never[k] = NEVER;
+      ? most(-BEHIND * o->g[k], 0.0) : o->later_band[k];
+    o->no_band[k] = NEVER;
   }
   for (k = from; k < until || mesh <= points;) { /* outputs and mesh points, merged */
     double at = mesh < points ? s->here + (end - s->here) * mesh / points : end;
     if (mesh <= points && (k == until || at <= s->times[k])) {
       int is_row = k < until && at == s->times[k];
-      o->asked[wide] = (unsigned char) (is_row ? MESH | ROW : MESH);
+      o->purpose[wide] = (unsigned char) (is_row ? MESH | ROW : MESH);
       k += is_row;
       ++mesh;
     } else {
       at = s->times[k++];
-      o->asked[wide] = ROW;
+      o->purpose[wide] = ROW;
     }
-    o->wide[wide++] = at;
+    o->instants[wide++] = at;
   }
   o->node[0].t = s->here;
   memcpy(o->node[0].x, s->x, s->states * sizeof(double));
-  if (to_node(s, o, o->node)) return UNUSUAL;
-  /* past its guard by noise counts as on it */
+  if (evaluate_node(s, o, o->node)) return UNUSUAL;
+  /* a guard that was passed by no more than its noise counts as being on it */
   for (k = 0; k < s->relations; ++k) o->node[0].above[k] = most(o->node[0].above[k], o->band[k]);
   o->first = s->first;
   o->past = 0.0;
   for (k = 0; k < wide && !found;) {
     count_t last = k;
     int status;
-    /* where guards may go farther at first, up to the first row only */
-    if (k || !memcmp(o->band, o->later, (size_t) s->relations * sizeof(double)))
-      while (!(o->asked[last] & MESH)) ++last;
+    /* only up to the first row, if the bands of guards are different until then */
+    if (k || !memcmp(o->band, o->later_band, (size_t) s->relations * sizeof(double)))
+      while (!(o->purpose[last] & MESH)) ++last;
     status = integrate(s, o, &k, last, &found);
     if (status) return status;
     if (found && k == wide - 1 && end - o->node[0].t <= as_one(s, end)) {
-      /* it belongs to the event at the end */
+      /* it coincides with the event at the end */
       o->node[0].t = end;
       found = 0;
-      reached(s, o, &k);
+      mark_reached(s, o, &k);
     }
   }
   time = o->node[0].t;
@@ -202,7 +202,7 @@ static int stretch(struct event_loop* s, struct space* o) {
   return pass_event(s, o, time);
 }
 
-static count_t longest(const struct event_loop* s) {
+static count_t most_instants(const struct event_loop* s) {
   count_t k, found = 0;
   for (k = 0; k < s->boundaries - 1; ++k) {
     count_t own = s->times_end[k] - (k ? s->times_end[k - 1] : 0);
@@ -213,8 +213,8 @@ static count_t longest(const struct event_loop* s) {
 
 static casadi_int larger(casadi_int a, casadi_int b) { return a > b ? a : b; }
 
-/* Cut up the doubles of a call, where there are any yet; returns their number. */
-static size_t carved(const struct event_loop* s, struct space* o, double* memory, count_t wide) {
+/* Divide the memory of a call into arrays, if it is allocated already; returns the number of doubles. */
+static size_t lay_out(const struct event_loop* s, struct space* o, double* memory, count_t wide) {
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
@@ -222,8 +222,8 @@ static size_t carved(const struct event_loop* s, struct space* o, double* memory
                      n, s->modes, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
-                      &o->noise, &o->doubt, &o->band, &o->later, &o->never, &o->approach, &o->before_x, &o->before_m,
-                      &o->left_m, &o->wide, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
+                      &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach, &o->before_x, &o->before_m,
+                      &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
                       &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
                       &o->relaxed_noise, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;
@@ -239,12 +239,12 @@ static size_t carved(const struct event_loop* s, struct space* o, double* memory
   return used;
 }
 
-/* Go on until the end of the run, until the record is full, or until something unusual is ahead. */
+/* Continue to the end of the run, until the record is full, or until something unusual is ahead. */
 CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   casadi_int sizes[4] = {0, 0, 0, 0}, own[4]; /* of arguments, results, integers, doubles */
   int (*works[])(casadi_int*, casadi_int*, casadi_int*, casadi_int*) = {segment_work, determined_work, judged_work, event_round_work, relaxed_work};
   struct space o;
-  count_t wide = longest(s), k;
+  count_t wide = most_instants(s), k;
   double* memory;
   size_t used;
   unsigned char* bytes;
@@ -255,8 +255,8 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
     for (j = 0; j < 4; ++j) sizes[j] = larger(sizes[j], own[j]);
   }
   memset(&o, 0, sizeof(o));
-  o.settled = 1.0; /* PLAIN: there is nothing to settle */
-  used = carved(s, &o, 0, wide);
+  o.settled = 1.0; /* with PLAIN, no event needs rounds */
+  used = lay_out(s, &o, 0, wide);
   memory = malloc(sizeof(double) * (used + (size_t) (sizes[3] + 1)));
   bytes = malloc((size_t) (s->relations + wide + 1));
   o.arguments = sizes[0] + 9;
@@ -272,18 +272,18 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   if (s->columns && s->step <= 0 && sampler_of(s, &sampler)) status = UNUSUAL;
 #endif
   if (memory && bytes && o.arg && o.res && o.iw && o.flips) {
-    carved(s, &o, memory, wide);
+    lay_out(s, &o, memory, wide);
     memcpy(o.regime, s->constant, s->constants * sizeof(double));
-    s->run.held = o.held; /* it is known whenever the integrator is called */
+    s->run.held = o.held; /* up to date whenever the integrator is called */
     o.w = memory + used;
-    o.fired = bytes; o.asked = o.fired + s->relations;
+    o.fired = bytes; o.purpose = o.fired + s->relations;
     while (!status && s->segment < s->boundaries - 1) {
       struct event_loop kept = *s;
       memcpy(o.before_x, s->x, s->states * sizeof(double));
       memcpy(o.before_m, s->m, s->modes * sizeof(double));
       if (!s->entered && (s->rows + 1 > s->row_capacity || s->events + 1 > s->event_capacity)) status = FULL;
-      else status = s->entered ? stretch(s, &o) : enter(s, &o);
-      if (status && status != ARRIVED) { /* as if it had not been tried; `last` and `crowd` change only when nothing is left to fail */
+      else status = s->entered ? integrate_stretch(s, &o) : enter_segment(s, &o);
+      if (status && status != ARRIVED) { /* undo the attempt; `last` and `crowd` change only after all that can fail */
         count_t rows = s->rows;
         *s = kept;
         if (status == INTERRUPTED) s->rows = rows;

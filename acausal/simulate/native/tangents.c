@@ -1,23 +1,23 @@
-/* The Jacobian of a program of columns: each value's derivatives by those inputs alone that it depends on.
+/* The Jacobian of a program of columns: derivatives of each value with respect to only the inputs on which it depends.
 
-   A value's derivatives lie side by side. An instruction makes those of its result of those of its operands, which are by the same
-   inputs in most cases; a map says where they go otherwise. The values are those that `acausal_columns` has left. */
+   The derivatives of a value are contiguous. An instruction computes those of its result from those of its operands. Mostly
+   these depend on the same inputs; otherwise a map gives the positions. Values are those that `acausal_columns` has computed. */
 
 /* `Tangents` of tangents.py, field by field. */
 struct tangents {
   count_t instructions, stores;
-  const int *op, *own, *a, *b;                 /* of each instruction: places of values */
-  const int *to, *count;                       /* its derivatives: where they begin, how many there are */
-  const int *of_a, *count_a, *of_b, *count_b;  /* those of the operands; before zero where there are none */
-  const int *map_a, *map_b;                    /* where the maps begin; before zero where none is needed */
+  const int *op, *own, *a, *b;                 /* of each instruction: operation, and indices of values */
+  const int *to, *count;                       /* its derivatives: index at which they begin, and number */
+  const int *of_a, *count_a, *of_b, *count_b;  /* those of the operands; negative if there are none */
+  const int *map_a, *map_b;                    /* indices at which the maps begin; negative if none is needed */
   const int* maps;
-  const int *store_of, *store_from, *store_to; /* derivatives of a result: where its own begin, and where each is */
+  const int *store_of, *store_from, *store_to; /* entries of the Jacobian: start of a result's derivatives, source, target */
   const double* values;
   double* derivatives;
-  char* none;                                  /* where derivatives begin: whether all of them are zero now */
+  char* none;                                  /* at the index where derivatives begin: whether all of them are zero now */
 };
 
-/* Derivatives of an operation by its operands, by the conventions of CasADi where there are two of them. */
+/* Derivatives of an operation with respect to its operands, with CasADi's conventions at kinks. */
 INLINED void slopes(int op, double x, double y, double f, double* by_x, double* by_y) {
   switch (op) {
     case ADD: *by_x = *by_y = 1.0; break;
@@ -54,7 +54,7 @@ INLINED void slopes(int op, double x, double y, double f, double* by_x, double* 
   }
 }
 
-INLINED void put(double* restrict to, int n, double slope, const double* restrict from, int count, const int* map) {
+INLINED void assign_scaled(double* restrict to, int n, double slope, const double* restrict from, int count, const int* map) {
   int k;
   if (map) {
     memset(to, 0, n * sizeof(double));
@@ -62,21 +62,20 @@ INLINED void put(double* restrict to, int n, double slope, const double* restric
   } else for (k = 0; k < n; ++k) to[k] = slope * from[k];
 }
 
-INLINED void add(double* restrict to, double slope, const double* restrict from, int count, const int* map) {
+INLINED void add_scaled(double* restrict to, double slope, const double* restrict from, int count, const int* map) {
   int k;
   if (map) for (k = 0; k < count; ++k) to[map[k]] += slope * from[k];
   else for (k = 0; k < count; ++k) to[k] += slope * from[k];
 }
 
-/* Whether an instruction feels its operand: what is not chosen has no derivatives, whatever the slope is at its value, which may be
-   infinite. */
-INLINED int felt(const struct tangents* g, int of) { return of >= 0 && !g->none[of]; }
+/* Whether an operand has derivatives: a branch that is not selected has none, even if the slope at its value is infinite. */
+INLINED int has_derivatives(const struct tangents* g, int of) { return of >= 0 && !g->none[of]; }
 
 VECTORISED void acausal_tangents(const struct tangents* g, double* wanted) {
   count_t i;
   for (i = 0; i < g->instructions; ++i) {
     int n = g->count[i], of_a = g->of_a[i], of_b = g->of_b[i], k;
-    int has_a = felt(g, of_a), has_b = felt(g, of_b);
+    int has_a = has_derivatives(g, of_a), has_b = has_derivatives(g, of_b);
     const int* map_a = g->map_a[i] < 0 ? 0 : g->maps + g->map_a[i];
     const int* map_b = g->map_b[i] < 0 ? 0 : g->maps + g->map_b[i];
     double* restrict to = g->derivatives + g->to[i];
@@ -89,12 +88,12 @@ VECTORISED void acausal_tangents(const struct tangents* g, double* wanted) {
     g->none[g->to[i]] = !has_a && !has_b;
     if (has_a && has_b && !map_a && !map_b) for (k = 0; k < n; ++k) to[k] = by_a * da[k] + by_b * db[k];
     else if (has_a && has_b && map_a && !map_b) {
-      put(to, n, by_b, db, n, 0);
-      add(to, by_a, da, g->count_a[i], map_a);
+      assign_scaled(to, n, by_b, db, n, 0);
+      add_scaled(to, by_a, da, g->count_a[i], map_a);
     } else if (has_a) {
-      put(to, n, by_a, da, g->count_a[i], map_a);
-      if (has_b) add(to, by_b, db, g->count_b[i], map_b);
-    } else if (has_b) put(to, n, by_b, db, g->count_b[i], map_b);
+      assign_scaled(to, n, by_a, da, g->count_a[i], map_a);
+      if (has_b) add_scaled(to, by_b, db, g->count_b[i], map_b);
+    } else if (has_b) assign_scaled(to, n, by_b, db, g->count_b[i], map_b);
   }
   for (i = 0; i < g->stores; ++i) wanted[g->store_to[i]] = g->none[g->store_of[i]] ? 0.0 : g->derivatives[g->store_from[i]];
 }
