@@ -276,8 +276,8 @@ def _singular(problem: Problem, reached: Segment) -> _Finding | None:
 def _equations_of(compiled: CompiledModel, names: list[str]) -> list[int]:
     """Flat equations of the blocks in which the named algebraic variables are solved."""
     structure = compiled.solution.structure
-    wanted = {v for v, name in zip(compiled.solution.algebraic, compiled.algebraic, strict=True) if name in names}
-    return [structure.flat_equation(r) for b in structure.blocks if wanted & set(b.columns) for r in b.rows]
+    variables = {v for v, name in zip(compiled.solution.algebraic, compiled.algebraic, strict=True) if name in names}
+    return [structure.flat_equation(r) for b in structure.blocks if variables & set(b.columns) for r in b.rows]
 
 
 class _OneSided(NamedTuple):

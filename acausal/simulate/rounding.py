@@ -41,18 +41,18 @@ def attainable(integrate: Callable[[Segment], Piece], stretches: Sequence[Segmen
     before = _steps(integrate, stretches, 1.0)
     if before is None or before < _FEWEST_STEPS:
         return None
-    found = None
+    attained = None
     for decade in range(1, _DECADES + 1):
         factor = _FACTOR**decade
         steps = _steps(integrate, stretches, factor)
         if steps is None:
             break
         if before > _NOISY_GROWTH * steps:
-            found = factor
-        elif found is not None:
+            attained = factor
+        elif attained is not None:
             break
         before = steps
-    return found
+    return attained
 
 
 def remark(factor: float | None, steps: float, solver: str, tolerances: Tolerances) -> tuple[str, ...]:

@@ -82,8 +82,8 @@ class History:
         k = bisect_right(self._lows, t) - 1
         after = self.panels[k]
         before = self.panels[k - 1] if k > 0 and after.low == t else after
-        found = []
+        values = []
         for p in (before, after):
             s = np.clip(np.array([(2.0 * t - p.a - p.b) / (p.b - p.a)]), -1.0, 1.0)
-            found.append(np.array([value(p.coefficients[:, j], s)[0] for j in range(p.coefficients.shape[1])]))
-        return found[0], found[1]
+            values.append(np.array([value(p.coefficients[:, j], s)[0] for j in range(p.coefficients.shape[1])]))
+        return values[0], values[1]

@@ -23,11 +23,11 @@ def opened(memory: Memory, problem: Problem, t: float, initialize: Callable[[Vec
 
     Raises InitializationError: AC305 if there are none.
     """
-    own = memory.delay_modes
+    delays = memory.delay_modes
 
     def started_with(past: Vector) -> tuple[Start, Vector]:
         memory.assume(past)
-        m[own] = memory.numbers
+        m[delays] = memory.numbers
         start = initialize(m)
         return start, memory.sources(t, Moment(start.x, start.z, m, Regime(problem)))
 
@@ -63,14 +63,14 @@ def _newton(past: Vector, signals: Vector, signals_for: Callable[[Vector], Vecto
 
 def begin(memory: Memory, dynamics: Dynamics, t: float, start: Start, m: Vector, flag: str | None) -> None:
     """Process the event at the start of the run, and repeat it until the delayed signals agree with its outcome."""
-    own = memory.delay_modes
+    delays = memory.delay_modes
     past = np.zeros(memory.n)
     for _ in range(10):
         dynamics.begin(t, start, m, flag)
         past = memory.sources(t, dynamics.reached)
-        assumed = dynamics.reached.m[own].copy()
+        assumed = dynamics.reached.m[delays].copy()
         memory.assume(past)
         if (np.abs(memory.numbers - assumed) <= _CLOSE * (1.0 + np.abs(assumed))).all():
             break
-        m[own] = memory.numbers
+        m[delays] = memory.numbers
     memory.begin(t, past)

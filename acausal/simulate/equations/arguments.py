@@ -159,18 +159,18 @@ def arguments(compiled: CompiledModel) -> Arguments | None:
 
 
 def _made(compiled: CompiledModel) -> Arguments | None:
-    found = compiled.narrow
-    if not found.arguments:
+    narrow_functions = compiled.narrow
+    if not narrow_functions.arguments:
         return None
     symbols = Symbols(compiled)
     builder = symbols.defined(compiled)
-    nodes = *found.arguments, *(w for w, _ in found.middles)
+    nodes = *narrow_functions.arguments, *(w for w, _ in narrow_functions.middles)
     column = builder.column(builder.replaced(nodes))
-    owners = [*range(len(found.arguments)), *(place for _, place in found.middles)]
+    owners = [*range(len(narrow_functions.arguments)), *(place for _, place in narrow_functions.middles)]
     column = ca.densify(column)
     narrow = NarrowFunction("arguments", symbols.inputs, column)
-    along = cache(partial(_along, symbols, column, found.kinds, compiled.n_dynamic))
-    return Arguments(narrow, Levels(found.kinds), np.array(owners), Effects(compiled), along)
+    along = cache(partial(_along, symbols, column, narrow_functions.kinds, compiled.n_dynamic))
+    return Arguments(narrow, Levels(narrow_functions.kinds), np.array(owners), Effects(compiled), along)
 
 
 def _along(symbols: Symbols, column: Any, kinds: tuple[Kind, ...], n: int) -> Any:

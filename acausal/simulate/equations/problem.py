@@ -251,7 +251,7 @@ def _are_close(a: Vector, b: Vector) -> bool:
 # Largest distance between prediction and solution, in nominal magnitudes; below a tenth of it steps grow.
 CLOSE = 0.02
 _SMALLEST_STEP = 1e-9
-# At most so many steps of the smallest size are taken by extrapolation alone: branches cross at points, not intervals.
+# At most this many steps of the smallest size are taken by extrapolation alone: branches cross at points.
 _MOST_CROSSING_STEPS = 100
 
 

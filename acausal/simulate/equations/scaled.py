@@ -236,10 +236,10 @@ class ScaledEquations:
         if self.n + self.nz <= FEW:
             return None
         dae = self.dae
-        places = (("ode", "x"), ("ode", "z"), ("alg", "x"), ("alg", "z")) if self.nz else (("ode", "x"),)
-        blocks = [ca.DM(dae.jac_sparsity(dae.index_out(f), dae.index_in(v))) for f, v in places]
-        whole = ca.blockcat([blocks[:2], blocks[2:]]) if self.nz else blocks[0]
-        return factorisation((whole + ca.DM.eye(self.n + self.nz)).sparsity(), self.n)
+        pairs = (("ode", "x"), ("ode", "z"), ("alg", "x"), ("alg", "z")) if self.nz else (("ode", "x"),)
+        blocks = [ca.DM(dae.jac_sparsity(dae.index_out(f), dae.index_in(v))) for f, v in pairs]
+        pattern = ca.blockcat([blocks[:2], blocks[2:]]) if self.nz else blocks[0]
+        return factorisation((pattern + ca.DM.eye(self.n + self.nz)).sparsity(), self.n)
 
     def reordered(self, dae: Any, order: Factorisation) -> Any:
         """One of these forms with its variables in the order of its `factorisation`, cached."""

@@ -97,9 +97,9 @@ def _lines(times: Vector, values: Vector, error: float) -> list[tuple[float, flo
         a, b = float(times[i]), float(times[j])
         nodes = np.interp(between(a, b, INPUT_DEGREE), times[i : j + 1], values[i : j + 1])
         coefficients = fitted(nodes)
-        seen = np.append(times[i + 1 : j], 0.5 * (times[i:j] + times[i + 1 : j + 1]))
+        at = np.append(times[i + 1 : j], 0.5 * (times[i:j] + times[i + 1 : j + 1]))
         errors = np.abs(
-            value(coefficients, (2 * seen - a - b) / (b - a)) - np.interp(seen, times[i : j + 1], values[i : j + 1])
+            value(coefficients, (2 * at - a - b) / (b - a)) - np.interp(at, times[i : j + 1], values[i : j + 1])
         )
         worst = float(errors.max())
         if worst <= error:
@@ -154,8 +154,8 @@ def _fit(signal: Signal, a: float, b: float) -> tuple[Vector, float]:
     # just inside, so that the value of this side counts at a jump
     inner[0], inner[-1] = np.nextafter(a, b), np.nextafter(b, a)
     coefficients = fitted(signal(inner))
-    seen = 0.5 * (a + b) + 0.5 * (b - a) * _BETWEEN
-    return coefficients, float(np.abs(value(coefficients, _BETWEEN) - signal(seen)).max())
+    checked = 0.5 * (a + b) + 0.5 * (b - a) * _BETWEEN
+    return coefficients, float(np.abs(value(coefficients, _BETWEEN) - signal(checked)).max())
 
 
 def _halved(
@@ -166,8 +166,8 @@ def _halved(
     while stack:
         a, b = stack.pop()
         fits += 1
-        coefficients, off = _fit(signal, a, b)
-        if off <= error:
+        coefficients, largest_error = _fit(signal, a, b)
+        if largest_error <= error:
             parts.append((a, b, coefficients))
         elif b - a > _SHORTEST * max(span, abs(a), abs(b)):
             middle = 0.5 * (a + b)
@@ -191,8 +191,8 @@ def _merged(
         merged.append(part)
         while len(merged) > 1 and merged[-2][1] == merged[-1][0]:
             a, b = merged[-2][0], merged[-1][1]
-            coefficients, off = _fit(signal, a, b)
-            if off > error:
+            coefficients, largest_error = _fit(signal, a, b)
+            if largest_error > error:
                 break
             merged[-2:] = [(a, b, coefficients)]
     return merged

@@ -53,9 +53,9 @@ def is_empty() -> bool:
 def compiler() -> str | None:
     """Path of a C compiler: `$CC`, cc, gcc or clang; None if there is none."""
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        found = shutil.which(name) if name else None
-        if found:
-            return found
+        path = shutil.which(name) if name else None
+        if path:
+            return path
     return None
 
 
@@ -101,13 +101,13 @@ def trial(command: str) -> str | None:
     x = ca.SX.sym("x")
     small = ca.Function("trial", [x], [x * ca.sin(x)])
     with tempfile.TemporaryDirectory(prefix="acausal-") as scratch:
-        written, made = Path(scratch) / "trial.c", Path(scratch) / f"trial{_SUFFIX}"
+        written, library = Path(scratch) / "trial.c", Path(scratch) / f"trial{_SUFFIX}"
         written.write_text(functions(small), encoding="utf-8")
         try:
-            failure = _compile([command, *FLAGS, "-o", str(made), str(written), "-lm"], _time_limit(""))
+            failure = _compile([command, *FLAGS, "-o", str(library), str(written), "-lm"], _time_limit(""))
             if failure is not None:
                 return failure
-            result = float(ca.external("trial", str(made))(0.5))
+            result = float(ca.external("trial", str(library))(0.5))
         except (OSError, RuntimeError) as error:
             return str(error)
     return None if abs(result - float(small(0.5))) < 1e-12 else f"its code gives {result:g} for {float(small(0.5)):g}"
@@ -116,13 +116,13 @@ def trial(command: str) -> str | None:
 def _build(command: str, wanted: str, source: str) -> Path | None:
     kept = home()
     with tempfile.TemporaryDirectory(prefix="build-", dir=kept) as scratch:
-        written, made = Path(scratch) / "model.c", Path(scratch) / f"model{_SUFFIX}"
+        written, library = Path(scratch) / "model.c", Path(scratch) / f"model{_SUFFIX}"
         written.write_text(source, encoding="utf-8")
-        failure = _compile([command, *FLAGS, "-o", str(made), str(written), "-lm"], _time_limit(source))
+        failure = _compile([command, *FLAGS, "-o", str(library), str(written), "-lm"], _time_limit(source))
         if failure is not None:
             _log.warning("%s failed, functions are interpreted: %s", command, failure)
             return None
-        return place(made, kept, wanted, _SUFFIX)
+        return place(library, kept, wanted, _SUFFIX)
 
 
 def _time_limit(source: str) -> float:

@@ -25,8 +25,8 @@ from acausal.simulate.native.cache import made
 from acausal.simulate.native.program import address
 
 Int32Array = NDArray[np.int32]
-# A program needs at least so many instructions, and columns of this mean length: a column with a single entry takes as
-# long as three instructions.
+# A program needs at least `_LEAST` instructions, and columns of mean length `_MEAN`: a column with a single entry takes
+# as long as three instructions.
 _LEAST, _MEAN = 5_000, 3.0
 # Entries that are computed together (`BLOCK` of columns.c).
 _BLOCK = 8

@@ -47,7 +47,7 @@ _START, _COMPILED_INSTRUCTION = 0.5, 3e-4
 _LARGEST_ORACLE = 2000
 # Evaluations after which a program of columns pays off: writing it takes 4 us per instruction, and saves 3 ns on each.
 _REPAID = 1500.0
-# Interpreted operations on columns are so many times as fast as those on single instances (docs/devdocs/mapped.md).
+# Interpreted operations on columns are this many times as fast as those on single instances (docs/devdocs/mapped.md).
 COLUMNS = 8
 
 

@@ -31,11 +31,11 @@ _RESTRICT = (
 
 def with_sizes(source: str) -> str:
     """Write the sizes into a generated integrator; returns it unchanged if it differs from the expected form."""
-    given = {name: re.findall(rf"(?m)^  p\.{name} = (\d+);$", source) for name in _GIVEN}
+    matches = {name: re.findall(rf"(?m)^  p\.{name} = (\d+);$", source) for name in _GIVEN}
     start = source.find(_SETUP[0])
-    if start < 0 or any(len(found) != 1 for found in given.values()):
+    if start < 0 or any(len(found) != 1 for found in matches.values()):
         return source
-    sizes = {name: int(found[0]) for name, found in given.items()}
+    sizes = {name: int(found[0]) for name, found in matches.items()}
     if sizes["nfwd"] or sizes["nadj"] or any(source.count(old) != 1 for old, _ in _RESTRICT):
         return source
     sizes |= {name: sum(sizes[part] for part in parts) for name, parts in _DERIVED.items()}

@@ -28,10 +28,10 @@ class Rows:
     @cached_property
     def shown(self) -> dict[float, list[Boundary]]:
         """Events by their instants, without those that the result does not list."""
-        found: dict[float, list[Boundary]] = {}
+        by_time: dict[float, list[Boundary]] = {}
         for b in self.boundaries:
-            found.setdefault(b[0], []).append(b)
-        return {t: all_ for t, all_ in found.items() if any(b[2] or any(c.text for c in b[1]) for b in all_)}
+            by_time.setdefault(b[0], []).append(b)
+        return {t: events for t, events in by_time.items() if any(b[2] or any(c.text for c in b[1]) for b in events)}
 
     @cached_property
     def starts(self) -> Indices:
@@ -119,8 +119,8 @@ class _Positions:
 
         A merged row is the `number`-th of the instant `which`, and `left` rows of each instant are before its event.
         """
-        behind = number - left[which]
+        following = number - left[which]
         before = self.first[which] + np.minimum(number, self.left[which] - 1)
-        after = self.first[which] + self.left[which] + np.minimum(behind, self.right[which] - 1)
+        after = self.first[which] + self.left[which] + np.minimum(following, self.right[which] - 1)
         last = self.first[which] + self.left[which] - 1
-        return np.where(behind < 0, before, np.where(self.right[which] > 0, after, last))
+        return np.where(following < 0, before, np.where(self.right[which] > 0, after, last))

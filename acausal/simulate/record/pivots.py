@@ -104,8 +104,8 @@ def _extended(recorder: Recorder, stopped: Segment) -> Rows:
     ahead = np.array(_AHEAD_FRACTIONS) * max(stopped.start - times[0], 1e-3)
     x_ahead = stopped.x[:, None] + np.nan_to_num(np.array(rate), posinf=0.0, neginf=0.0) * ahead
     wide = (np.tile(part[:, None], (1, len(ahead))) for part in (stopped.z, stopped.p))
-    more = (stopped.start + ahead, x_ahead, *wide)
-    return tuple(np.concatenate([a, b], axis=-1) for a, b in zip((times, x, z, m), more, strict=True))  # type: ignore[return-value]
+    ahead_rows = (stopped.start + ahead, x_ahead, *wide)
+    return tuple(np.concatenate([a, b], axis=-1) for a, b in zip((times, x, z, m), ahead_rows, strict=True))  # type: ignore[return-value]
 
 
 def _visited(recorder: Recorder, rows: Rows, lost: Vector) -> Visited:

@@ -33,8 +33,8 @@ class Projection:
 
 def projected(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> Vector:
     """States nearest to `x`, shape (nx, n), that satisfy all stabilised constraints; `x` itself if there are none."""
-    found = projection(compiled, times, x, z, u, p, m)
-    return x if found is None else found.x
+    projection_of_x = projection(compiled, times, x, z, u, p, m)
+    return x if projection_of_x is None else projection_of_x.x
 
 
 def projection(

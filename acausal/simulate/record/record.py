@@ -341,14 +341,14 @@ class _Variables(Mapping[str, Signal]):
         self._column = {node: k for k, node in enumerate(compiled.columns)}
         self._position: dict[str, int] = {}  # entries counted over all variables
         self._first_position: list[int] = []
-        left_out, place = reduced.left_out, 0
+        left_out, position = reduced.left_out, 0
         self._parameters, self._constants = reduced.flat.parameters, dict[int, int]()
         for variable in self._variables:
-            self._first_position.append(place)
+            self._first_position.append(position)
             for k, suffix in enumerate(suffixes(variable.declaration.shape)):
                 if variable.first + k not in left_out:
-                    self._position[variable.path + suffix] = place + k
-            place += variable.size
+                    self._position[variable.path + suffix] = position + k
+            position += variable.size
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._position)
@@ -388,10 +388,10 @@ class _Variables(Mapping[str, Signal]):
         return self._entry(name)[1]
 
     def _entry(self, name: str) -> tuple[Declaration, int]:
-        place = self._position[name]
-        number = bisect_right(self._first_position, place) - 1
+        position = self._position[name]
+        number = bisect_right(self._first_position, position) - 1
         variable = self._variables[number]
-        return variable.declaration, self._image[variable.first + place - self._first_position[number]]
+        return variable.declaration, self._image[variable.first + position - self._first_position[number]]
 
 
 def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vector) -> list[float]:
@@ -401,8 +401,8 @@ def compiled_parameters(compiled: CompiledModel, nodes: tuple[int, ...], p: Vect
     if all(s[0] == "par" for s in simple):
         return [float(p[s[1]]) for s in simple]
 
-    found = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
-    return [float(found[n]) for n in nodes]
+    values_of = values(pool, nodes, {"par": p.__getitem__, "time": lambda _: 0.0})
+    return [float(values_of[n]) for n in nodes]
 
 
 def joined(parts: list[Vector]) -> Vector:
@@ -433,8 +433,8 @@ class States:
 
     def __getitem__(self, key: tuple[EllipsisType, NDArray[np.int64]]) -> Vector:
         """Some states at all instants: `states[..., indices]`, shape (n, len(indices))."""
-        found = np.concatenate([part[key[1]].T for part in self._parts])
-        return found if self._shown is None else found[self._shown]
+        values = np.concatenate([part[key[1]].T for part in self._parts])
+        return values if self._shown is None else values[self._shown]
 
 
 IntegrateFrom = Callable[[int, Vector], tuple[Piece, Vector]]

@@ -25,7 +25,7 @@ from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Tolerances
 
-# A state is unresolved if it never exceeds so many absolute tolerances: less than three of its digits are accurate.
+# A state is unresolved if it never exceeds this many absolute tolerances: less than three of its digits are accurate.
 _DIGITS = 1000.0
 # In nominal magnitudes: values that count as zero, for given start values and for those that are solved for.
 _ZERO, _SOLVED = 1e-14, 1e-9
@@ -36,7 +36,7 @@ Rows = tuple[Vector, Vector, Vector, Vector]
 _INDICES = re.compile(r"\[\d+\]")
 # With more steps per row than this, rows do not show how large states become between them.
 _MOST_STEPS_PER_ROW = 5.0
-# If a state changes between rows, by its rate at the start, more than so many times as far as rows show, rows miss it.
+# Rows miss a state that changes between rows, by its rate at the start, more than this many times its recorded size.
 _MOST_HIDDEN_CHANGE = 100.0
 # Number of rows that are examined, and of perturbations at each.
 _ROWS, _PERTURBATIONS = 6, 4
@@ -109,13 +109,13 @@ def _driven(recorder: Recorder, small: NDArray[np.intp], p: Vector, u: Vector, r
     for row in np.unique(np.linspace(0, len(times) - 1, _ROWS).astype(int)).tolist():
         states = x[:, row].copy()
         states[small] = 0.0
-        given = u, p, m[:, row]
-        rate = np.asarray(rhs(times[row], states, z[:, row], *given)[0])[small]
+        arguments = u, p, m[:, row]
+        rate = np.asarray(rhs(times[row], states, z[:, row], *arguments)[0])[small]
         noise = np.zeros(len(small))
         for _ in range(_PERTURBATIONS):
             perturbed = states * (1.0 + _ROUNDING * random.uniform(-1.0, 1.0, len(states)))
             perturbed_z = z[:, row] + _NEWTON * compiled.nominal_z * random.uniform(-1.0, 1.0, len(z))
-            perturbed_rate = np.asarray(rhs(times[row], perturbed, perturbed_z, *given)[0])[small]
+            perturbed_rate = np.asarray(rhs(times[row], perturbed, perturbed_z, *arguments)[0])[small]
             noise = np.maximum(noise, np.abs(perturbed_rate - rate))
         is_driven |= np.isfinite(rate) & (np.abs(rate) > _MOST_ROUNDINGS * noise) & (np.abs(rate) > 0.0)
     return is_driven

@@ -76,7 +76,7 @@ def opening(model: Component) -> dict[str, Choice]:
 
 def _labels(choices: Mapping[str, Choice]) -> dict[str, str]:
     """Beginnings of paths with these choices, and the ones that replace them in results."""
-    return {named(path, own): named(path, kept) for path, c in choices.items() for own, kept in c.labels()}
+    return {named(path, name): named(path, kept) for path, c in choices.items() for name, kept in c.labels()}
 
 
 @dataclass
@@ -146,7 +146,7 @@ class Skin:
 
 def at_row(watched: Watched, row: int) -> dict[str, dict[str, Array]]:
     """Values of the watched signals at a row."""
-    return {path: {name: values[row] for name, values in own.items()} for path, own in watched.items()}
+    return {path: {name: values[row] for name, values in values_of.items()} for path, values_of in watched.items()}
 
 
 def evenly_spread(count: int, most: int) -> NDArray[np.int64]:
@@ -220,7 +220,7 @@ class Pieces:
             watched = at_row(skin.watch.read(piece), -1)
         return self.joined()
 
-    def _report(self, share: float, t: float) -> None:
+    def _report(self, fraction: float, t: float) -> None:
         """Report the progress of the whole run, not of the piece."""
         if self.progress is not None:
             self.progress((t - self.options.start_time) / self.options.span, t)
@@ -322,10 +322,10 @@ class Pieces:
         """Notes of the components on the run."""
 
         def largest(name: str) -> float:
-            found = np.asarray(joined[name], dtype=float) if name in joined else np.zeros(1)
-            return float(np.nanmax(found, initial=0.0))
+            values = np.asarray(joined[name], dtype=float) if name in joined else np.zeros(1)
+            return float(np.nanmax(values, initial=0.0))
 
-        found: list[str] = []
+        notes: list[str] = []
         for path, choice in self.choices.items():
-            found += choice.remarks(lambda name, path=path: largest(named(path, name)))  # type: ignore[misc]
-        return found
+            notes += choice.remarks(lambda name, path=path: largest(named(path, name)))  # type: ignore[misc]
+        return notes

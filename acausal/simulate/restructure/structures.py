@@ -66,8 +66,8 @@ def structure(
 
 def _same_as(key: tuple[Hashable, ...], compiled: CompiledModel) -> CompiledModel | None:
     """A cached model of another component that agrees with this one; None if there is none."""
-    candidates = (own for other, (_, own) in tuple(_structures.entries.items()) if other[1:] == key[1:])  # type: ignore[index]
-    return next((own for own in candidates if is_same(own.flat, compiled.flat)), None)
+    candidates = (cached for other, (_, cached) in tuple(_structures.entries.items()) if other[1:] == key[1:])  # type: ignore[index]
+    return next((cached for cached in candidates if is_same(cached.flat, compiled.flat)), None)
 
 
 def is_same(one: FlatSystem, other: FlatSystem) -> bool:
@@ -158,9 +158,9 @@ class Watch:
     @classmethod
     def of(cls, compiled: CompiledModel, names: Names) -> Watch:
         """The watch for runs of a compiled model, cached for later runs."""
-        made = _MADE.setdefault(compiled, {})
+        watches = _MADE.setdefault(compiled, {})
         key = tuple((path, *own) for path, own in names.items())
-        if key not in made:
+        if key not in watches:
             shapes = {v.path: v.declaration.shape for v in compiled.flat.variables}
             found: dict[str, dict[str, tuple[tuple[int, ...], tuple[str, ...]]]] = {}
             for path, own in names.items():
@@ -169,8 +169,8 @@ class Watch:
                     whole = named(path, name)
                     shape = shapes.get(whole, ())
                     found[path][name] = shape, tuple(whole + suffix for suffix in suffixes(shape))
-            made[key] = cls(found)
-        return made[key]
+            watches[key] = cls(found)
+        return watches[key]
 
     def read(self, result: Result) -> dict[str, dict[str, Array]]:
         """Values by path and name, shape (n, *shape)."""

@@ -255,8 +255,8 @@ def growth(
         return functions_of(compiled).island_rates(instants, problem.u, problem.p, m, d)
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
-    found = time_ends(compiled, problem.p, accuracy.tolerances.relative)
-    breaks = np.unique(np.concatenate(found)) if found else None
+    ends = time_ends(compiled, problem.p, accuracy.tolerances.relative)
+    breaks = np.unique(np.concatenate(ends)) if ends else None
     return np.asarray(scale * integrals(rates, starts, times, stretches, accuracy.tolerances, breaks))
 
 
@@ -268,11 +268,11 @@ def _all_states(problem: Problem, segment: Segment, x: Vector) -> Vector:
     n, nq = problem.n_dynamic, problem.compiled.quadratures
     if len(segment.x) == n:
         return x
-    found = np.empty((len(segment.x), x.shape[1]))
-    found[:n], found[n:] = x, segment.x[n:, None]
+    all_x = np.empty((len(segment.x), x.shape[1]))
+    all_x[:n], all_x[n:] = x, segment.x[n:, None]
     if nq and segment.shares is None:
-        found[n : n + nq] = islands(problem, segment)
-    return found
+        all_x[n : n + nq] = islands(problem, segment)
+    return all_x
 
 
 def unmoved(problem: Problem, segment: Segment) -> Vector:
@@ -289,8 +289,8 @@ def stepping(segment: Segment, most: int = MOST_STEPS) -> dict[str, Any]:
     """The options of a one-step method for the size and the number of its steps, by default `most`."""
     if segment.step:
         return {"max_num_steps": MOST_STEPS, **bounded(segment), "step_size": segment.step}
-    given = segment.partial or segment.step_budget
-    return {"max_num_steps": segment.most_steps if given else most, **bounded(segment)}
+    has_budget = segment.partial or segment.step_budget
+    return {"max_num_steps": segment.most_steps if has_budget else most, **bounded(segment)}
 
 
 def beginning(segment: Segment) -> dict[str, float]:
@@ -304,12 +304,12 @@ def beginning(segment: Segment) -> dict[str, float]:
 
 def in_relative_time(segment: Segment, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Convert the settings to a time from 0 to `UNIT`, rounded to few values: each needs its own integrator."""
-    found = {name: value for name, value in settings.items() if name not in ("step0", "max_step_size")}
+    relative = {name: value for name, value in settings.items() if name not in ("step0", "max_step_size")}
     if segment.max_step is not None:
-        found["max_step_size"] = UNIT / max(1, math.ceil(segment.length / segment.max_step - 1e-9))
+        relative["max_step_size"] = UNIT / max(1, math.ceil(segment.length / segment.max_step - 1e-9))
     if segment.first > 0.0 and math.isfinite(segment.first):
-        found["step0"] = UNIT * min(4.0 ** math.floor(math.log(segment.first / segment.length, 4.0) + 1e-6), 0.25)
-    return found
+        relative["step0"] = UNIT * min(4.0 ** math.floor(math.log(segment.first / segment.length, 4.0) + 1e-6), 0.25)
+    return relative
 
 
 def pace(start: float, end: float, counters: Mapping[str, float]) -> float:

@@ -84,8 +84,8 @@ class Collocation(CasadiSolver):
         if np.array_equal(x[0], x0):
             numbers = problem.vector(segment.p, segment.x, segment.start)
             rates = problem.scaled.buffered(segment.start, x0, segment.z / problem.scale_z, numbers, [])[0]
-            way = np.abs(rates) * (float(segment.times[0]) - segment.start)
-            if (way > _MOVED * (1.0 + np.abs(x0))).any():
+            predicted = np.abs(rates) * (float(segment.times[0]) - segment.start)
+            if (predicted > _MOVED * (1.0 + np.abs(x0))).any():
                 raise RuntimeError("CONV_FAIL: the equations of a step are singular")
         return x, z, stats
 
@@ -111,8 +111,8 @@ class Rk2:
                 stop.got = self._piece(problem, replace(segment, times=segment.times[:done]), stop.rows[0].T, 0)
             raise
 
-    def _piece(self, problem: Problem, segment: Segment, found: Vector, steps: int) -> Piece:
-        values = found * problem.scale_x[:, None]
+    def _piece(self, problem: Problem, segment: Segment, scaled_x: Vector, steps: int) -> Piece:
+        values = scaled_x * problem.scale_x[:, None]
         if not np.isfinite(values).all():
             raise RuntimeError("the solution is not finite: the fixed step is too large for this model")
         values = np.vstack([values, islands(problem, segment), unmoved(problem, segment)])
@@ -149,16 +149,16 @@ class Rk2:
 _BASE = {"base": 4}
 
 
-def _several(one: Any, count: int) -> Any:
+def _several(one_step: Any, count: int) -> Any:
     """Combine `count` steps into one function, unrolled if small: that is built and called ten times faster."""
     if count == 1:
-        return one
-    if not one.is_a("SXFunction") or one.n_instructions() * count > 20_000:
-        return one.fold(count)
-    x, steps, p = ca.SX.sym("x", one.numel_in(0)), ca.SX.sym("th", 2, count), ca.SX.sym("p", one.numel_in(2))
+        return one_step
+    if not one_step.is_a("SXFunction") or one_step.n_instructions() * count > 20_000:
+        return one_step.fold(count)
+    x, steps, p = ca.SX.sym("x", one_step.numel_in(0)), ca.SX.sym("th", 2, count), ca.SX.sym("p", one_step.numel_in(2))
     end = x
     for k in range(count):
-        end = one(end, steps[:, k], p)
+        end = one_step(end, steps[:, k], p)
     return ca.Function("steps", [x, steps, p], [end])
 
 

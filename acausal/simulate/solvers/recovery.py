@@ -48,10 +48,10 @@ def recover(
             if count > 1:
                 count = max(1, count // 4)
                 continue
-            reached, found = crawl(counted, part)
-            if found is None:
+            reached, last_piece = crawl(counted, part)
+            if last_piece is None:
                 return reached, None
-            piece = found
+            piece = last_piece
         if count >= len(times):
             return part, piece
         piece = record(part.times, piece)
@@ -66,8 +66,8 @@ def crawl(integrate: CountedSteps, segment: Segment) -> tuple[Segment, Piece | N
     Returns the remaining segment, and the piece that reaches the end, or None if none does.
     """
     end = float(segment.times[-1])
-    whole = end - segment.start
-    size, successes, failures = whole / _DIVISION, 0, 0
+    length = end - segment.start
+    size, successes, failures = length / _DIVISION, 0, 0
     here = replace(segment, step_budget=RECOVERY_STEPS)
     while not integrate.is_exhausted:
         target = here.start + size
@@ -76,7 +76,7 @@ def crawl(integrate: CountedSteps, segment: Segment) -> tuple[Segment, Piece | N
             piece = integrate(replace(here, times=np.array([target])))
         except RuntimeError:
             size, successes, failures = size / _DIVISION, 0, failures + 1
-            if failures > _MOST_FAILURES or size < _SMALLEST_FRACTION * whole or here.start + size <= here.start:
+            if failures > _MOST_FAILURES or size < _SMALLEST_FRACTION * length or here.start + size <= here.start:
                 return here, None
             continue
         if target == end:

@@ -90,9 +90,9 @@ class Tolerances:
         """The absolute tolerance, in nominal magnitudes."""
         return self.relative * self.factor
 
-    def scaled(self, share: float, least: float = 0.0) -> Tolerances:
-        """Return both tolerances times `share`, the relative one at least `least`."""
-        return replace(self, relative=max(share * self.relative, least))
+    def scaled(self, scale: float, least: float = 0.0) -> Tolerances:
+        """Return both tolerances times `scale`, the relative one at least `least`."""
+        return replace(self, relative=max(scale * self.relative, least))
 
     def of(self, values: ArrayLike, nominal: ArrayLike = 1.0) -> NDArray[np.float64]:
         """Allowed errors of values, in their shape; `nominal` are the nominal magnitudes of unscaled values."""

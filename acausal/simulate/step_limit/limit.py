@@ -40,9 +40,9 @@ class StepLimit:
     method: Method | None = field(init=False)
 
     def __post_init__(self) -> None:
-        found = next((m for m in METHODS if m.solver == self.solver), None)
-        guarded = found is not None and found.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
-        self.method = found if guarded else None
+        method = next((m for m in METHODS if m.solver == self.solver), None)
+        guarded = method is not None and method.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
+        self.method = method if guarded else None
 
     def check_start(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
         """Refuse (AC405) a step that amplifies the start's modes a thousandfold within a twentieth of the run.
@@ -108,8 +108,8 @@ class StepLimit:
         if self.problem.n_dynamic <= _SMALL_SIZE and len(self.problem.compiled.algebraic) <= _SMALL_SIZE:
             spectra = list(self.matrix.spectra(times, x, z, m))
         else:
-            found = (self.matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
-            spectra = [np.full(1, np.nan, dtype=complex) if modes is None else modes for modes in found]
+            several = (self.matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
+            spectra = [np.full(1, np.nan, dtype=complex) if modes is None else modes for modes in several]
         rates = np.zeros(len(times))
         for k, modes in enumerate(spectra):
             if np.isfinite(modes).all() and len(modes):
@@ -141,10 +141,10 @@ class StepLimit:
     def _participants(self, t: float, x: Vector, z: Vector, m: Vector, mode: complex) -> list[str]:
         """Names of the states with the largest participation in a mode, in descending order."""
         matrix = self.matrix
-        found = matrix.at(t, x, z, m) if matrix.size <= LARGEST_DENSE else None
-        if found is None:
+        state_matrix = matrix.at(t, x, z, m) if matrix.size <= LARGEST_DENSE else None
+        if state_matrix is None:
             return ["(too many states to name them)"]
-        factors = participation(found, mode)
+        factors = participation(state_matrix, mode)
         order = np.argsort(-factors, kind="stable")[:3]
         return [matrix.names[k] for k in order if factors[k] >= _LEAST_PARTICIPATION * factors[order[0]]]
 
@@ -157,8 +157,8 @@ def participation(matrix: Vector, mode: complex) -> Vector:
     """
     from scipy.linalg import eig
 
-    found: Any = eig(matrix, left=True, right=True)
-    values, left, right = found
+    decomposition: Any = eig(matrix, left=True, right=True)
+    values, left, right = decomposition
     k = int(np.argmin(np.abs(values - mode)))
     factors = np.abs(left[:, k].conj() * right[:, k])
     total = float(factors.sum())

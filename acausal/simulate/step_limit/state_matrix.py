@@ -73,14 +73,14 @@ class StateMatrix:
         """Whether the structure makes all eigenvalues zero: states integrate other states, without a loop."""
         if self.compiled not in _INERT:
             fx, fz, gx, _, *_ = (self._derivatives.sparsity_out(k) for k in range(4))
-            whole = fx
+            dependence = fx
             if len(self.compiled.algebraic):
                 rows = sorted(set(fz.row()))
                 columns = [c for c in range(gx.size2()) if gx.colind()[c + 1] > gx.colind()[c]]
-                whole = fx + ca.Sparsity.rowcol(rows, columns, self.size, self.size)
-            loops, *_ = whole.scc() if whole.nnz() else (0, [], [])
-            diagonal = whole.get_diag()[0].nnz() if whole.nnz() else 0
-            _INERT[self.compiled] = whole.nnz() == 0 or (diagonal == 0 and loops == self.size)
+                dependence = fx + ca.Sparsity.rowcol(rows, columns, self.size, self.size)
+            loops, *_ = dependence.scc() if dependence.nnz() else (0, [], [])
+            diagonal = dependence.get_diag()[0].nnz() if dependence.nnz() else 0
+            _INERT[self.compiled] = dependence.nnz() == 0 or (diagonal == 0 and loops == self.size)
         return _INERT[self.compiled]
 
     def spectra(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Complex:
@@ -173,8 +173,8 @@ class StateMatrix:
             search: Any = eigs
             return np.asarray(search(linear, k=FEW, which="LM", return_eigenvectors=False, v0=begin, tol=1e-6))
         except ArpackError as error:
-            found = getattr(error, "eigenvalues", None)
-            return np.asarray(found, dtype=complex) if found is not None and len(found) else None
+            converged = getattr(error, "eigenvalues", None)
+            return np.asarray(converged, dtype=complex) if converged is not None and len(converged) else None
 
 
 # Functions for each model; they do not depend on the run, and building them takes milliseconds.

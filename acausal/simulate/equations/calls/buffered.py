@@ -113,23 +113,23 @@ class BufferedFunction:
         self._evaluated[key] = self._evaluated.get(key, 0) + padded
         if self._evaluated[key] > _FEWEST_ROWS and key not in self._column_functions:
             self._column_functions[key] = by_columns(self.function, *key)
-        found = self._block(key)(n, size, arguments)
+        values = self._block(key)(n, size, arguments)
         # a failed block does not say which of the instants failed
-        return self.few(n, size, arguments) if found is None else found
+        return self.few(n, size, arguments) if values is None else values
 
     def few(self, n: int, size: int, arguments: Sequence[Vector]) -> Vector:
         """The first output at n instants, computed one by one."""
         memory, outputs = self._memory, np.zeros((n, size))
         if not size:
             return outputs
-        varying = [(place, value) for place, value in zip(memory.inputs, arguments, strict=True) if value.ndim == 2]
-        for place, value in zip(memory.inputs, arguments, strict=True):
+        varying = [(buffer, value) for buffer, value in zip(memory.inputs, arguments, strict=True) if value.ndim == 2]
+        for buffer, value in zip(memory.inputs, arguments, strict=True):
             if value.ndim == 1:
-                place[:] = value
+                buffer[:] = value
         output = memory.outputs[0].reshape(-1, order="F")
         for k in range(n):
-            for place, value in varying:
-                place[:] = value[k]
+            for buffer, value in varying:
+                buffer[:] = value[k]
             memory.run()
             outputs[k] = np.nan if memory.buffer.ret() else output
         return outputs

@@ -125,9 +125,9 @@ def derived(rates: Any) -> Derived | None:
     program = None if library is None else columns.program(rates)
     if program is None:
         return None
-    found = tangents.jacobian(program, rates.index_in("x"), rates.numel_out("ode"), rates.numel_in("x"))
-    pays = found.work >= _WORK_RATIO * len(program.read.codes)
-    jacobian = JacobianInColumns(rates, library, found, program) if pays else None
+    jacobian_program = tangents.jacobian(program, rates.index_in("x"), rates.numel_out("ode"), rates.numel_in("x"))
+    pays = jacobian_program.work >= _WORK_RATIO * len(program.read.codes)
+    jacobian = JacobianInColumns(rates, library, jacobian_program, program) if pays else None
     return Derived(InColumns(rates, library, program), jacobian)
 
 

@@ -88,14 +88,14 @@ class Kept:
 
     def _new_output(self, name: str) -> Array:
         """Allocate new memory for an output, so that the result needs no copy."""
-        known = self._outputs.get(name)
-        if known is None:
+        layout = self._outputs.get(name)
+        if layout is None:
             index = self.function.index_out(name)
             rows, columns = self.function.size_out(index)
-            known = self._outputs[name] = index, (columns, rows)
-        result = np.full(known[1], np.nan)
+            layout = self._outputs[name] = index, (columns, rows)
+        result = np.full(layout[1], np.nan)
         if result.size:
-            self._buffer.set_res(known[0], result.reshape(-1).data)
+            self._buffer.set_res(layout[0], result.reshape(-1).data)
         return result
 
 
