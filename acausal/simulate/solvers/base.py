@@ -11,7 +11,7 @@ A solver is a class with
    `explicit`, whether it needs no Jacobian of the rates;
    `interpolates`, whether it must be stopped at its output times, because its interpolant between steps is less
    accurate than the steps;
-   `merges_close_outputs`, whether it treats an output time less than a nanosecond away as reached;
+   `merges_outputs`, whether it treats an output time less than a nanosecond away as reached;
    `accepts_nan`, whether it does not notice equations without a finite value;
 4. `settings(problem, segment)`: CasADi's options for one segment;
 5. `integrate(problem, segment) -> Piece`, which raises RuntimeError if the integration cannot continue.
@@ -69,7 +69,7 @@ class CasadiSolver:
     plugin: ClassVar[str]
     algebraic: ClassVar[bool] = False
     fixed_step: ClassVar[bool] = False
-    merges_close_outputs: ClassVar[bool] = False
+    merges_outputs: ClassVar[bool] = False
     multistep: ClassVar[bool] = False
     interpolates: ClassVar[bool] = False
     accepts_nan: ClassVar[bool] = False
@@ -139,32 +139,25 @@ class CasadiSolver:
         # a right-hand side that contains a rootfinder stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         units = self.units(problem, segment)
-        unit = (
-            unit_of_time(segment.start, segment.times) if self.merges_close_outputs and segment.shares is None else 1.0
-        )
+        unit = unit_of_time(segment.start, segment.times) if self.merges_outputs and segment.shares is None else 1.0
         if unit != 1.0:
             dae = problem.scaled.in_unit_of_time(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
         elif kind == "integrator" and not segment.partial and segment.step_budget is None:
-            compiled_integrator = native.integrator(self.plugin, settings)
-            if compiled_integrator is not None:
+            code = native.integrator(self.plugin, settings)
+            if code is not None:
                 units = np.ones(len(z0)) if units is None else units
-                p = np.concatenate([compiled_integrator.vector(problem.p, problem.u, problem.numbers(*point)), units])
+                p = np.concatenate([code.vector(problem.p, problem.u, problem.numbers(*point)), units])
                 sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
-                x, z, stats = compiled_integrator.run(
-                    x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first
-                )
+                x, z, stats = code.run(x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first)
                 return x, z * units, stats
         elif kind == "equations":
             library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*point))
-        equations, call_arguments, p = problem.scaled, {}, problem.vector(*point) if p is None else p
+        equations, extra, p = problem.scaled, {}, problem.vector(*point) if p is None else p
         if self.interpolates:
-            dae, call_arguments = (
-                equations.halting_dae if self.algebraic else equations.halting_ode,
-                {"u": controls(len(grid))},
-            )
+            dae, extra = equations.halting_dae if self.algebraic else equations.halting_ode, {"u": controls(len(grid))}
         elif self.accepts_nan:
             dae = equations.limited_dae
         elif dae is None:  # not taken from a compiled library
@@ -184,16 +177,15 @@ class CasadiSolver:
                 order = equations.factorisation
         if order is not None:
             dae, settings, (x0, z0) = equations.reordered(dae, order), order.settings(settings), order.there(x0, z0)
-        may_compile, by_columns = library is None and native.wanted is not False, native.by_columns(self.plugin)
-        integrator = equations.integrator(
-            self.plugin, dae, grid, settings, native=may_compile, by_columns=may_compile and by_columns
-        )
+        may_compile = library is None and native.wanted is not False
+        options = {"native": may_compile, "by_columns": may_compile and native.by_columns(self.plugin)}
+        integrator = equations.integrator(self.plugin, dae, grid, settings, **options)
         seconds_to_make = seconds() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
         if segment.shares is not None:
             arguments["p"] = np.append(arguments["p"], segment.length)
         try:
-            (x, z), stats = integrator({**arguments, **call_arguments}, ("xf", "zf"), partial=segment.partial)
+            (x, z), stats = integrator({**arguments, **extra}, ("xf", "zf"), partial=segment.partial)
         except Interrupted as stop:
             stop.rows = order.back(*stop.rows) if stop.rows and order is not None else stop.rows
             if stop.rows and units is not None:

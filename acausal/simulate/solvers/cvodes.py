@@ -14,7 +14,7 @@ class Cvodes(CasadiSolver):
 
     name = "cvodes"
     plugin = "cvodes"
-    merges_close_outputs = True
+    merges_outputs = True
     multistep = True
     native = "equations"
 

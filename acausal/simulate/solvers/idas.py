@@ -16,7 +16,7 @@ class Idas(CasadiSolver):
     name = "idas"
     plugin = "idas"
     algebraic = True
-    merges_close_outputs = True
+    merges_outputs = True
     multistep = True
     native = "equations"
 
