@@ -21,9 +21,9 @@ from acausal.simulate.solvers.segment import Tolerances
 # Below this tolerance the rounding of sixteen digits exceeds the allowed error of a step: no step would be accepted.
 _FINEST_TOLERANCE = 1e-14
 # Solvers without step control, and "auto", which chooses one of them if there is a step.
-_FIXED_STEP_SOLVERS = ("auto", "rk", "rk2", "collocation")
+_FIXED_STEP = ("auto", "rk", "rk2", "collocation")
 # Solvers that always choose their steps, and cannot take fixed ones.
-_ADAPTIVE_SOLVERS = ("idas", "cvodes")
+_ADAPTIVE = ("idas", "cvodes")
 
 
 @dataclass(frozen=True)
@@ -85,28 +85,21 @@ def options(
     stop = experiment.stop_time if stop_time is None else _number("stop_time", stop_time)
     # The experiment's fixed step is ignored if the solver always controls its steps, or if one that can do so is given
     # together with a tolerance.
-    adaptive = solver in _ADAPTIVE_SOLVERS or (
-        tolerance is not None and solver is not None and solver not in _FIXED_STEP_SOLVERS
-    )
+    adaptive = solver in _ADAPTIVE or (tolerance is not None and solver is not None and solver not in _FIXED_STEP)
     declared_step = None if adaptive else experiment.step
     interval = output_interval if output_interval is not None else experiment.output_interval
-    solver_name = experiment.solver if solver is None else solver
+    method = experiment.solver if solver is None else solver
     fixed_step = declared_step if step is None else _number("step", step)
-    row_interval = (stop - start) / 500 if interval is None else _number("output_interval", interval)
-    if (
-        output_interval is None
-        and solver_name in _FIXED_STEP_SOLVERS
-        and fixed_step is not None
-        and row_interval < fixed_step < math.inf
-    ):
+    spacing = (stop - start) / 500 if interval is None else _number("output_interval", interval)
+    if output_interval is None and method in _FIXED_STEP and fixed_step is not None and spacing < fixed_step < math.inf:
         # These methods only give values at the ends of their steps: default rows must not make the steps shorter.
-        row_interval = min(fixed_step, max(stop - start, row_interval))
+        spacing = min(fixed_step, max(stop - start, spacing))
     chosen = Options(
         start_time=start,
         stop_time=stop,
-        output_interval=row_interval,
+        output_interval=spacing,
         tolerance=experiment.tolerance if tolerance is None else _number("tolerance", tolerance),
-        solver=solver_name,
+        solver=method,
         step=fixed_step,
         max_step=experiment.max_step if max_step is None else _number("max_step", max_step),
         native=native,
@@ -132,7 +125,7 @@ def options(
     for holds, fact in checks:
         if not holds:
             raise UsageError("AC030", fact)
-    if chosen.solver in _ADAPTIVE_SOLVERS and chosen.step is not None:
+    if chosen.solver in _ADAPTIVE and chosen.step is not None:
         raise UsageError(
             "AC038",
             f"solver '{chosen.solver}' chooses its steps itself: a step of {chosen.step:g} s would change nothing",
@@ -191,11 +184,8 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
                 evidence=meant(path, list(index)),
             )
         declaring = declared.get(path if exact is not None else path.rpartition("[")[0])
-        shape, unit = (
-            exact.declaration.shape if exact is not None else (),
-            declaring.declaration.unit if declaring else "",
-        )
-        numbers = entries(path, shape, value, unit)
+        shape = exact.declaration.shape if exact is not None else ()
+        numbers = entries(path, shape, value, declaring.declaration.unit if declaring else "")
         for name, number in zip(names, numbers, strict=True):
             if declaring is not None:
                 check_limit(declaring.path, name.removeprefix(declaring.path), declaring.declaration, number)

@@ -101,29 +101,20 @@ def simulate(
         Its attribute `result` holds the rows computed before the interrupt.
     """
     times = {"start_time": start_time, "stop_time": stop_time, "output_interval": output_interval, "step": step}
-    settings: dict[str, Any] = {
-        **times,
-        "max_step": max_step,
-        "tolerance": tolerance,
-        "solver": solver,
-        "native": native,
-    }
+    given: dict[str, Any] = {**times, "max_step": max_step, "tolerance": tolerance, "solver": solver, "native": native}
     recipe = _recipe(model, parameters)
     if recipe is not None and accuracy is None:
-        opts = options(type(recipe.model).experiment, **settings)
+        opts = options(type(recipe.model).experiment, **given)
         return Pieces(recipe, opts, recipe.parameters, _piece(inputs, start, opts, force), progress).result()
     compiled = _compiled(model, parameters, outputs if recipe is None else None, is_fixed=recipe is None)
     compiled = with_starts(compiled, start) if start else compiled
     values = parameters if isinstance(model, CompiledModel) else None
     if accuracy is not None:
-        run_arguments = {"parameters": values, "inputs": inputs, "force": force}
-        result_to_accuracy: Result = provided("simulated_to_accuracy")(
-            compiled, accuracy, settings, run_arguments, progress
-        )
-        return result_to_accuracy
-    result = _result(
-        compiled, options(compiled.flat.experiment, **settings), values or {}, inputs or {}, progress, force
-    )
+        rest = {"parameters": values, "inputs": inputs, "force": force}
+        accurate: Result = provided("simulated_to_accuracy")(compiled, accuracy, given, rest, progress)
+        return accurate
+    opts = options(compiled.flat.experiment, **given)
+    result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
     remarks = unheard_parameters(compiled.flat, values) if values else ()
     return _with_remarks(result, (*remarks, *_start_remarks(result, discrete_starts(compiled, start) if start else {})))
 
