@@ -20,7 +20,7 @@ from acausal.simulate.events.location.between import interpolated
 
 # The largest change of a function between two samples, in levels; two levels are a factor of seven.
 _LARGEST_CHANGE = 2.0
-# The argument between two samples is assumed to be linear, sampled there, and looked at again, at most so many times.
+# The largest number of passes, in each of which the argument is assumed to be linear between two samples.
 _PASSES = 12
 # The most samples put between two others at once, and the most samples altogether.
 _MOST_AT_ONCE, _MOST = 500, 100_000
@@ -29,8 +29,8 @@ _SAME_INSTANT = 1e-13
 # Where an interval between two samples is tested, as fractions of it. They are not multiples of each other, because
 # the zeros of an oscillation may be.
 _TESTED = np.array([0.29, 0.618])
-# Elsewhere in the interval a cubic may be wrong by this multiple of its error at the tested instants; that error may
-# change a function by at most so many levels.
+# The error of a cubic in the interval is estimated as this multiple of its error at the tested instants. The second
+# number is the largest change of a function by it, in levels.
 _ERROR_GROWTH, _LARGEST_ERROR = 10.0, 1.0
 _NODES = 4
 

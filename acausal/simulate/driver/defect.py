@@ -37,10 +37,10 @@ def defects(
     (times, states, algebraic), n = rows, problem.n_dynamic
     k = np.clip(np.searchsorted(times, instants), 1, len(times) - 1)
     width = times[k] - times[k - 1]
-    both = np.vstack([states, algebraic]).T
+    values = np.vstack([states, algebraic]).T
     near = 0.01 * width
     count = min(_NODES, len(times))
-    at, before, after = (steady(times, both, instants + d, count) for d in (0.0 * near, -near, near))
+    at, before, after = (steady(times, values, instants + d, count) for d in (0.0 * near, -near, near))
     slope = (after - before)[:, :n] / (2.0 * near[:, None])
     x, z = at[:, : len(states)].T, at[:, len(states) :].T
     if len(z):

@@ -33,7 +33,7 @@ from acausal.simulate.solvers.segment import Piece, Segment
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
 Clears = Callable[[Segment, Piece], bool]
-# After so many calls in a row that ended where they began, no more are tried.
+# The number of successive calls without progress after which no more are made.
 _MOST_EMPTY_CALLS = 8
 
 
@@ -122,7 +122,7 @@ class EventLoop:
 
     @property
     def has_stalled(self) -> bool:
-        """Whether so many calls have got nowhere that no more should be made."""
+        """Whether too many successive calls have made no progress."""
         return self._empty_calls >= _MOST_EMPTY_CALLS
 
     def over(self, schedule: Schedule) -> EventLoop | None:
@@ -144,7 +144,7 @@ class EventLoop:
         segments: int | None = None,
         events: int | None = None,
     ) -> LoopState | None:
-        """Pass at most so many segments and events; the state reached, or None if the loop gets nowhere.
+        """Pass at most `segments` and `events`; the state reached, or None if the loop gets nowhere.
 
         With one event, it enters a stretch and stays there.
         """

@@ -47,10 +47,10 @@ _MOST_SMALL, _LEAST_ADVANCE = 400, 1e-6
 _SHORTEST = 1e-9
 # The number of mesh points of a one-step method in a whole run, and the least in a stretch.
 _MOST_POINTS, _FEWEST_POINTS = 64, 4
-# After so many stretches in which the search for steep functions was not passed, others with the same relations are not
-# left to a solver that stops by itself.
+# The number of stretches in which a solver that stops by itself may have missed a steep function, after which it is not
+# used with the same relations any more.
 _MOST_UNCLEARED = 2
-# So many failures must have advanced the run by this fraction.
+# The number of failures over which the run must have advanced by this fraction.
 _MOST_FAILURES, _PROGRESS = 100, 1e-6
 # The cause of an event at which nothing changes: causes without text are not listed in the result.
 _NO_EVENT = (Cause(""),)

@@ -41,11 +41,11 @@ from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
 _NO_Z = np.zeros(0)
-# Mesh points of a stretch between which rows are interpolated, closer together near its ends; so few rows are
-# integrated to.
+# The number of mesh points of a stretch between which rows are interpolated, closer together near its ends; and the
+# largest number of rows that are integrated to instead.
 _POINTS, _MOST_UNINTERPOLATED = 24, 8
 _FRACTIONS = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _POINTS + 1) / _POINTS)
-# A stretch of a run that reports its progress is divided into so many parts.
+# The number of parts of a stretch in a run that reports its progress.
 _PARTS = 20
 
 
@@ -115,7 +115,7 @@ class Member:
         driver.through(position)
 
     def _compiled(self, task: Task, position: Position, events: int | None = None) -> Position | None:
-        """The position that compiled code reaches, with at most so many events; None if it gets nowhere."""
+        """The position that compiled code reaches, with at most `events` events; None if it gets nowhere."""
         loop = self.dynamics.event_loop(task.schedule)
         if loop is None or loop.has_stalled:
             return None
@@ -138,10 +138,10 @@ class Member:
     def task(self, stretch: Stretch) -> Task:
         """The stretch with the modes of time and the samples that belong to this system."""
         samples = stretch.samples[self._samples - len(stretch.modes)]
-        own = replace(stretch, modes=stretch.modes[self._timely], samples=samples)
-        both, ends = np.stack([samples, np.zeros_like(samples)]), np.array([len(own.times)])
-        instants = np.array([own.start, own.end])
-        return Task(own, Schedule(instants, own.modes[None], both, own.times, ends, (own.longest,)))
+        part = replace(stretch, modes=stretch.modes[self._timely], samples=samples)
+        samples_at_ends, ends = np.stack([samples, np.zeros_like(samples)]), np.array([len(part.times)])
+        instants = np.array([part.start, part.end])
+        return Task(part, Schedule(instants, part.modes[None], samples_at_ends, part.times, ends, (part.longest,)))
 
     @property
     def entered(self) -> tuple[Vector, Vector]:
@@ -238,9 +238,9 @@ class IndependentSystems:
         holds = []
         first = self.problem.compiled.n_modes - len(self.problem.compiled.state_events.relations)
         for member in self.members:
-            own, model = member.dynamics.reached, member.part.model
+            moment, model = member.dynamics.reached, member.part.model
             relations = member.part.modes[model.n_modes - len(model.state_events.relations) :] - first
-            holds += [replace(h, relation=int(relations[h.relation])) for h in own.regime.holds]
+            holds += [replace(h, relation=int(relations[h.relation])) for h in moment.regime.holds]
         return Moment(self._x, _NO_Z, self._m, Regime(self.problem, tuple(holds)))
 
     @property

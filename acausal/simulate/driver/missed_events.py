@@ -33,15 +33,15 @@ from acausal.simulate.solvers.base import on_equations
 from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 
 Integrate = Callable[[Problem, Segment], Piece]
-# A piece gets at least so many rows, and at most so many where its arguments need them; models with many steep
-# functions, such as contacts, get no more than `_MOST_VALUES` values of arguments in all. Pieces of even more steps are
-# not searched, because no polynomial represents such a solution between rows: all candidates would be integrated again.
+# The least number of rows of a piece, the largest to which it is refined, and the largest number of values of arguments
+# in all, for models with many steep functions such as contacts. Pieces of more steps than rows are not searched: no
+# polynomial represents such a solution between rows, so that all candidates would be integrated again.
 _FEWEST_ROWS, _MOST_ROWS, _MOST_VALUES = 32, 20_000, 400_000
 # The most steps of a DAE between neighbouring rows that are integrated again: begun at a row, it may take tiny steps.
 _MOST_STEPS_AGAIN = 5000
 # The number of rows grows by this factor until they resolve the arguments.
 _REFINEMENT = 8
-# Few rows and their rates represent the states if there are at most so many steps for each row.
+# The largest number of steps per row with which few rows and their rates represent the states.
 _STEPS_PER_ROW = 10.0
 # Rows resolve an argument if the others predict every other row to this fraction of its variation there, except for
 # this fraction of the rows: there may be kinks, and transients after a start.
@@ -50,24 +50,24 @@ _PREDICTION, _UNRESOLVED = 0.2, 0.1
 _SAME = 10.0
 # The factor of the tolerance at which it is decided which of two different solutions is the better one.
 _STRICTER = 1e-2
-# Nodes of interpolating polynomials; pieces of fewer than so many rows are not searched.
+# The number of nodes of interpolating polynomials, and the least number of rows that are searched.
 _NODES, _FEWEST_SEARCHED = 8, 4
 # Arguments are clipped to this magnitude, which leaves room for products and slopes.
 _LARGEST = 1e100
-# How many rows back the last row that satisfies the equations is looked for.
+# The number of rows among which the last one that satisfies the equations is looked for.
 _MOST_ROWS_BACK = 64
 # The rows around an instant predict a function there to this fraction of its value, plus this absolute height.
 _PREDICTED, _ZERO_HEIGHT = 0.02, 1e-14
 # A function whose value at a turning point is that of the rows around it to this fraction does not move.
 _AT_REST = 1e-3
-# An interval in which an argument turns or crosses its middle is divided into so many parts; the distance to that
-# instant is halved so often in search of changes on the way there.
+# The number of parts of an interval in which an argument turns or crosses its middle; and how often the distance to
+# that instant is halved in search of changes on the way there.
 _PARTS, _HALVINGS = 8, 40
 # Intervals shorter than this fraction of the time are not divided further.
 _SHORTEST = 1e-11
 # Rows closer than this fraction of the time between the first and the last coincide; and the tightest tolerance.
 _SAME_INSTANT, _LEAST_TOLERANCE = 1e-13, 1e-13
-# A function is also evaluated this fraction of the distance between rows before and after a candidate.
+# How far before and after a candidate a function is evaluated, too, as a fraction of the distance between rows.
 _BESIDE = 0.2
 # Stops count as one if they are closer than this fraction of the interval between the rows around them.
 _SAME_STOP = 1e-6
@@ -284,7 +284,7 @@ class _Search:
         return found, (reach, piece.x[:, -1], piece.z[:, -1], _LENGTH_GROWTH * (reach - segment.start))
 
     def _resolved(self, segment: Segment) -> tuple[Segment, Piece, _Rows]:
-        """Solve a segment with so many rows that they resolve the arguments, as far as the limits allow."""
+        """Solve a segment with enough rows to resolve the arguments, as far as the limits allow."""
         refined = segment
         if segment.shares is None and len(segment.times) < _FEWEST_ROWS:
             refined = _refined(segment, _FEWEST_ROWS)
@@ -396,8 +396,8 @@ class _Search:
 
         `is_solved`: Whether the algebraic equations are solved there; else their variables are interpolated, too.
         """
-        both = steady(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))
-        x, z = both[:, : len(rows.x)].T, both[:, len(rows.x) :].T
+        states = steady(rows.times, np.vstack([rows.x, rows.z]).T, times, min(_NODES, len(rows.times)))
+        x, z = states[:, : len(rows.x)].T, states[:, len(rows.x) :].T
         if is_solved:
             with suppress(RuntimeError):
                 z = on_equations(self.problem, replace(segment, times=times), x, z)
@@ -552,15 +552,15 @@ class _Search:
 
     def _through(self, segment: Segment, rows: _Rows, low: int, high: int, stops: Vector) -> Piece:
         """Integrate the rows after `low` up to `high` with a step that ends at each of the stops."""
-        own = rows.times[low + 1 : high + 1]
+        times_again = rows.times[low + 1 : high + 1]
         here, x, z = float(rows.times[low]), rows.x[:, low], rows.z[:, low]
         parts: list[Piece] = []
         budget = _MOST_STEPS_AGAIN if self.problem.compiled.algebraic else None
-        for stop in _distinct_stops(stops, np.append(here, own)):
-            times = own[(own > here) & (own < stop)]
+        for stop in _distinct_stops(stops, np.append(here, times_again)):
+            times = times_again[(times_again > here) & (times_again < stop)]
             requested = replace(segment, start=here, times=np.append(times, stop), x=x, z=z, shares=None, first=0.0)
             piece = self.solve(self.problem, replace(requested, partial=False, step_budget=budget))
-            keep = np.isin(requested.times, own)
+            keep = np.isin(requested.times, times_again)
             parts.append(Piece(piece.x[:, keep], piece.z[:, keep], piece.counters))
             here, x, z = stop, piece.x[:, -1], piece.z[:, -1]
         return _joined(parts)

@@ -303,17 +303,17 @@ class Run:
         solver, self.why = choose(model, opts.solver, None)
         tolerances = opts.tolerances.scaled(tolerance_fraction(model, solver, opts.tolerance))
         recorder = Recorder(model, problem.p, none, self.most_moved())
-        own = replace(template, x=template.x[part.states], z=none, p=template.p[part.modes], tolerances=tolerances)
+        base = replace(template, x=template.x[part.states], z=none, p=template.p[part.modes], tolerances=tolerances)
 
         def under(regime: Regime, segment: Segment) -> Piece:
             return self.integrate(regime.problem, segment, solver)
 
         if model.state_events:
-            parts = under, under, tolerances, own, opts.span
+            parts = under, under, tolerances, base, opts.span
             search = self.missed_events(model, solver)
             hybrid = Hybrid(problem, solver, recorder, *parts, missed_events=search, memories=memories)
             return Member(part, problem, solver, recorder, hybrid, opts.span)
-        smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), own, opts.span)
+        smooth = Smooth(problem, solver, recorder, partial(self.integrate, solver=solver), base, opts.span)
         return Member(part, problem, solver, recorder, smooth, opts.span)
 
     def under(self, regime: Regime, segment: Segment) -> Piece:
@@ -323,9 +323,9 @@ class Run:
     def integrate(self, problem: Problem, segment: Segment, solver: Solver | None = None) -> Piece:
         """Call the solver, with the search for missed events; KeyboardInterrupt if it failed because of Ctrl-C."""
         try:
-            own = solver or self.solver
-            search = self.missed_events(problem.compiled, own)
-            piece = own.integrate(problem, segment) if search is None else search(problem, segment)
+            solver_used = solver or self.solver
+            search = self.missed_events(problem.compiled, solver_used)
+            piece = solver_used.integrate(problem, segment) if search is None else search(problem, segment)
         except RuntimeError:
             self.interrupt.check()
             raise
@@ -439,9 +439,11 @@ class Run:
         known = functions_of(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, independent, native = self.hybrid, self.independent, self.problem.native
-        more = independent.notes if independent is not None else tuple(hybrid.notes) if hybrid is not None else ()
+        later_notes = (
+            independent.notes if independent is not None else tuple(hybrid.notes) if hybrid is not None else ()
+        )
         if self.unsearched:
-            more = (*more, _UNSEARCHED.format(min(self.unsearched)))
+            later_notes = (*later_notes, _UNSEARCHED.format(min(self.unsearched)))
         solvers = [m.solver.name for m in independent.members] if independent is not None else [self.solver.name]
         used = [native, *(m.problem.native for m in independent.members)] if independent is not None else [native]
         stats = {
@@ -456,7 +458,9 @@ class Run:
             "segments": recorder.segments,
             "native": any(n.used for n in used),
             "outputs": self.compiled.asked,
-            "notes": tuple(dict.fromkeys((*self.compiled.flat.notes, *notes, *more, *used[-1].notes(solvers[-1])))),
+            "notes": tuple(
+                dict.fromkeys((*self.compiled.flat.notes, *notes, *later_notes, *used[-1].notes(solvers[-1])))
+            ),
             **({"terminated": hybrid.terminated} if hybrid is not None and hybrid.terminated is not None else {}),
             **({"events": len(events)} if events else {}),
             "time": {**self.compiled.timings, **self.timings},

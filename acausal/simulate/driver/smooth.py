@@ -30,9 +30,9 @@ from acausal.simulate.start.initialize import Start, consistent
 _log = logging.getLogger(__name__)
 # The number of steps times variables that takes about a second.
 _LONG = 1e6
-# A solver that needs more steps between two output times may be crawling towards a vanishing pivot.
+# The number of steps between two outputs beyond which a solver may be crawling towards a vanishing pivot.
 _CRAWLING_STEPS = 400
-# If there are too many steps between two outputs, a run is divided into so many parts, each with a limit of its own.
+# The number of parts, each with a limit of its own, of a run with too many steps between two outputs.
 _PARTS = 10_000
 
 

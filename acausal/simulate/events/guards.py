@@ -19,7 +19,7 @@ from acausal.simulate.solvers.segment import Tolerances
 
 # Instants coincide if they are closer than this fraction of the run, or of the time: a hundred rounding errors of it.
 INSTANT, _TIME_ROUNDING = 1e-12, 2e-14
-# A mode may begin so many of these intervals late; its guards are then below zero by more than their noise.
+# How late a mode may begin, in multiples of that; its guards are then below zero by more than their noise.
 LATE = 100
 # The noise of guards that depend on no error. It is not the minimum for others: guards may be picocoulombs.
 LEAST = 1e-15

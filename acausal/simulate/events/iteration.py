@@ -31,13 +31,13 @@ from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
 
 _MOST_ROUNDS = 400
-# For so many iterations all wrong relations flip at once; and the most iterations altogether.
+# The number of iterations in which all wrong relations flip at once, and the largest number altogether.
 _MOST_TOGETHER, _MOST_SINGLE = 12, 2000
-# A relation that has flipped so often at one instant chatters: both modes lead back to it.
+# The number of flips at one instant from which on a relation chatters: both modes lead back to it.
 _CHATTER = 3
-# A relation that stays where its sides are equal takes its literal value, unless it has flipped so often.
+# The number of flips up to which a relation that stays where its sides are equal takes its literal value.
 _MOST_TIED = 2
-# A relation may be kept in its mode for a moment so many times in a row, each within this fraction of the run after the
+# How often a relation may be kept in its mode for a moment, if each time is within this fraction of the run after the
 # last.
 _MOST_KEPT, _KEPT_WITHIN = 20, 1e-6
 Jumped = Callable[[float, Moment], tuple[Vector, tuple[Cause, ...]] | None]
@@ -459,8 +459,8 @@ class Iteration:
     def _differ_from_ties(self, moment: Moment, relations: NDArray[np.int64]) -> Truth:
         """Whether the modes of relations differ from their literal values at equal sides.
 
-        The rate does not tell on which side a relation is that stays on its guard, such as one of a velocity that was
-        reset to zero, or of a number of steps that has reached its limit.
+        The rate does not show on which side of its guard a relation is that stays there, such as one of a velocity that
+        was reset to zero, or of a number of steps that has reached its limit.
         """
         ties = self.guards.ties[relations]
         return np.asarray((ties >= 0) & (moment.m[self.first + relations] != ties))

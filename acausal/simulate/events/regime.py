@@ -208,8 +208,10 @@ class ActiveSet:
         """
         rates = self.rates.function
         inputs = [ca.MX.sym(rates.name_in(k), rates.numel_in(k)) for k in range(rates.n_in())]
-        own, noise = rates(*inputs)[:2]
-        return BufferedFunction(ca.Function("judged", inputs, [ca.vertcat(self.watch(*inputs[:-2]), own, noise)]))
+        derivatives, noise = rates(*inputs)[:2]
+        return BufferedFunction(
+            ca.Function("judged", inputs, [ca.vertcat(self.watch(*inputs[:-2]), derivatives, noise)])
+        )
 
     @cached_property
     def relaxed(self) -> Any:

@@ -25,7 +25,7 @@ from acausal.simulate.events.regime import Hold, Regime
 
 # More events of one relation at coinciding instants are an accumulation without a state of rest.
 _MOST_CROWDED = 40
-# The height of a flight is first estimated from the flight before it; if it is more than so many times the noise, the
+# The height of a flight is first estimated from the flight before it; if it exceeds this multiple of the noise, the
 # flight is not examined further.
 _LOW_FLIGHT = 1e6
 

@@ -29,7 +29,8 @@ _CONVERGED, _SATISFIED = 1e-12, 1e-10
 _RANK = 1e-10  # smallest singular value that counts, relative to the largest
 _INCONSISTENT = 1e-6  # error of a condition, relative to its terms, that rounding does not explain
 _LEAST_FRACTION = 1e-4  # smallest fraction of a step that is tried
-# A step has to reduce the residual by this fraction; after so many in a row that do not, no root is near.
+# The fraction by which a step has to reduce the residual, and the number of successive steps that do not before the
+# search ends, because no root is near.
 _LEAST_REDUCTION, _MOST_STALLED = 1e-3, 10
 _LONGEST_STEP = 3.0  # longest step relative to the largest value, so that angles do not make whole turns on the way
 

@@ -131,8 +131,8 @@ class OpenStart:
             return np.concatenate([self.deviations(t, *at(y), u, p, m)[0], _WEAK_WEIGHT * (y - first / scale)])
 
         def slope(y: Vector) -> Vector:
-            own = self.deviations(t, *at(y), u, p, m)[1].reshape(-1, len(y)) * scale
-            return np.vstack([own, _WEAK_WEIGHT * np.eye(len(y))])
+            declared = self.deviations(t, *at(y), u, p, m)[1].reshape(-1, len(y)) * scale
+            return np.vstack([declared, _WEAK_WEIGHT * np.eye(len(y))])
 
         if not (
             len(first) and np.isfinite(deviations(first / scale)).all() and np.isfinite(slope(first / scale)).all()

@@ -23,7 +23,8 @@ _FINE, _COARSE, _FEWEST = 8, 6, 4
 _MOST_AMPLIFIED = 16.0
 # The limit where only rounding errors are amplified; evenly spaced points have 11 near the ends.
 _MOST_ROUNDED = 1e3
-# From so many instants on, blocks of so many are tested first, as most guards are far from zero.
+# The number of instants from which on blocks of them are tested first, because most guards are far from zero; and the
+# size of a block.
 _MANY, _BLOCK = 250, 64
 
 
@@ -150,11 +151,11 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
 
 def _around(extreme: np.ufunc, values: Vector, starts: NDArray[np.intp]) -> Vector:
     """The least or largest values of each block and its two neighbours, on which the bounds of its intervals depend."""
-    own = extreme.reduceat(values, starts, axis=0)
-    found = own.copy()
-    extreme(found[1:], own[:-1], out=found[1:])
-    extreme(found[:-1], own[1:], out=found[:-1])
-    return found
+    block_values = extreme.reduceat(values, starts, axis=0)
+    extrema = block_values.copy()
+    extreme(extrema[1:], block_values[:-1], out=extrema[1:])
+    extreme(extrema[:-1], block_values[1:], out=extrema[:-1])
+    return extrema
 
 
 def _bounds(times: Vector, g: Vector) -> Vector:

@@ -24,7 +24,7 @@ from acausal.arrays import Vector
 # A dip gets a point if its tangents meet below this fraction of the sum of their fall and rise.
 _LOW = 0.05
 _MOST_POINTS = 400
-# An interval in which a guard jumps is not divided if it is no longer than so many times the resolution of instants.
+# An interval in which a guard jumps is not divided if it is no longer than this multiple of the resolution of instants.
 _FEW_INSTANTS = 2.0
 
 

@@ -18,8 +18,8 @@ _POINTS, _FEWEST, _NUMBERS = 512, 4, 4e6
 _STEPS = 4096
 # Each distance of mesh points is larger than the one before by this factor; even ones could alias with an oscillation.
 _GROWTH = 1.02
-# The first mesh point is so many first steps away, and the next ones, up to a number, are each so many times as far,
-# because a multistep method begins with a tiny step and doubles it.
+# The distance of the first mesh point in first steps, the ratio of the distances of the next ones, and their largest
+# number: a multistep method begins with a tiny step and doubles it.
 _FIRST, _RAMP, _MOST_RAMPS = 16.0, 4.0, 15
 # The least distance of two mesh points, in rounding errors of the time.
 _ROUNDINGS = 64
@@ -104,8 +104,8 @@ def growing(length: float, first: float, spacing: float, most: int, least: float
 
 def begun(shares: Vector, length: float, first: float) -> float:
     """The first step on a grid of mesh points: that of the grid if it is close to `first`, so that few steps differ."""
-    own = float(shares[0]) * length / _FIRST
-    return own if 0.99 * first <= _RAMP * own <= _RAMP * first else min(first, length)
+    grid_step = float(shares[0]) * length / _FIRST
+    return grid_step if 0.99 * first <= _RAMP * grid_step <= _RAMP * first else min(first, length)
 
 
 def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:

@@ -9,7 +9,7 @@ from acausal.arrays import Vector
 
 # The numbers of nearest rows from which a zero is located, and from which a value is predicted.
 _NODES, _FEW = 8, 4
-# A zero is located when the value is this fraction of the larger one at both ends, or after so many iterations.
+# A zero is located when the value is this fraction of the larger one at the ends; and the most iterations.
 _ZERO, _ITERATIONS = 1e-13, 30
 # A row closer than this fraction of the distance between rows almost coincides with an instant.
 _BESIDE = 0.2
@@ -32,12 +32,12 @@ def slopes(times: Vector, values: Vector) -> Vector:
     gaps /= scale[:, None, None]
     gaps[:, same, same] = 1.0
     inverse = np.prod(gaps, axis=2)
-    own = np.arange(len(times)) - low
+    node = np.arange(len(times)) - low
     away = (times[:, None] - times[near]) / scale[:, None]
-    away[np.arange(len(times)), own] = 1.0
+    away[np.arange(len(times)), node] = 1.0
     with np.errstate(divide="ignore", invalid="ignore"):  # rows after a start may be 1e-15 of the others apart
-        weights = np.nan_to_num(inverse[np.arange(len(times)), own][:, None] / inverse / away, posinf=0.0, neginf=0.0)
-    weights[np.arange(len(times)), own] = 0.0
+        weights = np.nan_to_num(inverse[np.arange(len(times)), node][:, None] / inverse / away, posinf=0.0, neginf=0.0)
+    weights[np.arange(len(times)), node] = 0.0
     with np.errstate(over="ignore"):
         return np.asarray(np.einsum("nc,nck->nk", weights, values[near] - values[:, None]) / scale[:, None])
 

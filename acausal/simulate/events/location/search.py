@@ -37,22 +37,23 @@ Record = Callable[[Vector, Piece], None]
 _MOST_STEPS, _WANTED_STEPS, _MOST_STEPS_AGAIN = 10, 2.0, 400
 # The factor of the tolerance where a crossing is located, and the tightest tolerance that rounding errors permit.
 _STRICTER, _FINEST = 1e-2, 1e-14
-# An interval with a crossing is divided into so many parts, up to so many times, and then a polynomial through so many
-# mesh points has its root there. A piece that fails is shortened by the same factor.
+# The number of parts of an interval with a crossing, how often it is divided, and the number of mesh points of the
+# polynomial whose root is then the instant. A piece that fails is shortened by the first of these factors.
 _DIVISION, _DEEPEST, _NEAREST = 16, 8, 8
 # Iterations of Newton's method for an instant, from this one on only towards the passed side.
 _ONE_SIDED, _MOST_ITERATIONS = 2, 7
-# A piece may be so many times as long as the stretch has been before.
+# The largest ratio of the length of a piece to that of the stretch before it.
 _GROWTH = 16.0
-# With each piece that stops, up to several in a row, the distance of mesh points becomes smaller by this factor.
+# The factor of the distance of mesh points after a piece that has stopped, and the largest number of its powers after
+# several such pieces in a row.
 _SHRINKAGE, _MOST_SHRINKAGES = 0.2, 3
-# A stop within so many mesh points of the start of a stretch belongs to its opening; and the factor by which the mesh
-# points of the next such opening are farther apart if the present ones were close enough.
+# The number of mesh points at the start of a stretch that are its opening, in which a stop changes `openings`; and the
+# factor by which they are farther apart the next time if there was no stop.
 _OPENING_POINTS, _WIDENING = 16.0, 2.0
-# So many failures must have advanced the run by this fraction of its length, and so many steps by the other one.
+# The number of failures, and the number of steps, over which the run must have advanced by this fraction of its length.
 _MOST_FAILURES, _PROGRESS = 100, 1e-6
 _MOST_STEPS_STUCK, _ADVANCE = 20_000, 1e-4
-# A stretch without guards that needs more steps than one call of a solver may take is divided into so many parts.
+# The number of parts of a stretch without guards that needs more steps than one call of a solver may take.
 _PARTS = 1000
 
 
@@ -88,10 +89,10 @@ class _Mesh:
 
     def plain(self, first: int, last: int) -> Vector:
         """Values of some rows without the allowance; shape (rows, guards)."""
-        found = self.values[first:last].copy(order="K")
-        own = self.head[first:last]
-        found[: len(own)] = own
-        return found
+        rows = self.values[first:last].copy(order="K")
+        head = self.head[first:last]
+        rows[: len(head)] = head
+        return rows
 
 
 @dataclass
@@ -198,8 +199,8 @@ class Search:
     def _note_step(self, start: float, end: float, piece: Piece) -> None:
         """Set the step over which errors have relaxed, from this and earlier pieces; explicit steps relax none."""
         if not self.solver.explicit:
-            took = pace(start, end, piece.counters)
-            self.guards.step = min(self.pace, took) if self.pace and took else self.pace or took
+            mean_step = pace(start, end, piece.counters)
+            self.guards.step = min(self.pace, mean_step) if self.pace and mean_step else self.pace or mean_step
 
     def _task(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> _Task:
         segment = replace(segment, partial=True)
@@ -257,8 +258,8 @@ class Search:
             first = self._first(task, part, limit - here)
             length, shares = meshing.growing(limit - here, first, spacing, meshing.most(problem), least)
             begun = meshing.begun(shares, length, first)
-            more = math.ceil(math.log2(max(float(shares[0]) * length / begun, 16.0))) - 4
-            part = replace(part, first=begun, step_budget=task.steps_allowed + 4 * math.ceil(more / 4))
+            doublings = math.ceil(math.log2(max(float(shares[0]) * length / begun, 16.0))) - 4
+            part = replace(part, first=begun, step_budget=task.steps_allowed + 4 * math.ceil(doublings / 4))
             until = limit if length == limit - here else here + length
         marks = np.asarray(here + length * shares)
         marks[-1] = until
@@ -420,8 +421,8 @@ class Search:
         rate = max(steps - 3.0 * ramp, 0.02 * len(gaps)) / max(len(gaps) - ramp, 1)
         self.spacing = last * float(np.clip(_WANTED_STEPS / rate, 0.25, 100.0))
         if float(times[0]) == task.start.time:
-            own = float(gaps[min(ramp, len(gaps) - 1)])
-            self.openings[task.relations] = own if times[-1] >= end else _WIDENING * own
+            first_spacing = float(gaps[min(ramp, len(gaps) - 1)])
+            self.openings[task.relations] = first_spacing if times[-1] >= end else _WIDENING * first_spacing
         self.pace = (times[-1] - times[0]) / steps if steps else 0.0
 
     def _accept(self, task: _Task, part: Segment, piece: Piece, mesh: _Mesh, keep: int) -> None:
@@ -567,11 +568,11 @@ class Search:
             k = int(np.searchsorted(nodes, due[at[0]])) - 1
             other = replace(segment, start=float(nodes[k]), times=due[at], x=xs[:, k], z=zs[:, k], first=0.0)
             try:
-                own = self.integrate(regime, replace(other, partial=False, step_budget=None, shares=None))
+                solved = self.integrate(regime, replace(other, partial=False, step_budget=None, shares=None))
             except RuntimeError as error:
                 raise _NotDelivered(str(error)) from None
-            x[:n, at], z[:, at] = own.x[:n], own.z
-            add_counters(counters, own.counters)
+            x[:n, at], z[:, at] = solved.x[:n], solved.z
+            add_counters(counters, solved.counters)
         return x, z
 
     def _complete(self, task: _Task, t: float, x: Vector) -> Vector:
@@ -585,11 +586,11 @@ class Search:
         problem = task.moment.regime.problem
         if not problem.compiled.quadratures or not len(times):
             return
-        own = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
+        quadratures = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
         later = times > task.quadratures_from.start
-        x[own, ~later] = task.quadratures_from.x[own, None]
+        x[quadratures, ~later] = task.quadratures_from.x[quadratures, None]
         if later.any():
-            x[own, later] = islands(problem, replace(task.quadratures_from, times=times[later]))
+            x[quadratures, later] = islands(problem, replace(task.quadratures_from, times=times[later]))
             task.quadratures_from = replace(task.quadratures_from, start=float(times[-1]), x=x[:, -1])
 
     def _root(self, mesh: _Mesh, row: int, k: int) -> float:

@@ -47,9 +47,9 @@ _MOST_KEPT = 128
 _TOGETHER, _MOST_UNEVEN = 4, 4.0
 # Mesh points of a compiled call: as many as there are rows between two mesh points of a run with 500 rows.
 _COMPILED_TOGETHER = 8
-# Dense output may stop so often in an interval in which the solution has no crossing.
+# How often dense output may stop the solver in an interval in which the solution has no crossing.
 _MOST_STOPS = 20
-# A guard within its noise is overdue if its rate would have taken it so many times as far as zero.
+# A guard within its noise is overdue if its rate would have taken it this multiple of its distance from zero.
 _OVERDUE = 10.0
 # The instant at which a guard has come within its noise is located to this fraction: the noise makes it vague anyway.
 _ENTRY_ACCURACY = 1e-9
@@ -583,9 +583,9 @@ def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any, speed: Any) -> tuple[
     # no guard fires once it has stopped: several that are reached at one instant would, one after the other
     results = [rates, none, none, ca.densify(zero + _NEVER * flag)]
     dae = ca.Function("dae", [t, state, z, p, u], results, *_NAMES, {"cse": True})
-    own = {"index": ca.SX.sym("index"), "t": t, "x": state, "z": z, "p": p, "u": u}
-    after = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
+    given = {"index": ca.SX.sym("index"), "t": t, "x": state, "z": z, "p": p, "u": u}
+    post = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
     transition = ca.Function(
-        "stop", [own[n] for n in ca.event_in()], [after[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
+        "stop", [given[n] for n in ca.event_in()], [post[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
     )
     return dae, transition

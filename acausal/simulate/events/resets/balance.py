@@ -77,13 +77,13 @@ def reciprocity(response: Vector) -> Vector | None:
 
     The first column of each connected group has the factor one.
     """
-    own = np.diag(response)
-    if not np.isfinite(response).all() or (own == 0.0).any():
+    diagonal = np.diag(response)
+    if not np.isfinite(response).all() or (diagonal == 0.0).any():
         return None
-    scaled = response / own  # entry (j, k) is the jump of j if k jumps by one
+    scaled = response / diagonal  # entry (j, k) is the jump of j if k jumps by one
     # columns that respond to each other are scaled along a spanning tree
-    factor, first = np.zeros(len(own)), np.zeros(len(own), dtype=int)
-    for root in range(len(own)):
+    factor, first = np.zeros(len(diagonal)), np.zeros(len(diagonal), dtype=int)
+    for root in range(len(diagonal)):
         if factor[root]:
             continue
         factor[root], first[root], stack = 1.0, root, [root]
@@ -95,7 +95,7 @@ def reciprocity(response: Vector) -> Vector | None:
     balanced = scaled * factor
     size = np.sqrt(np.outer(np.abs(factor), np.abs(factor)))
     holds = (factor > 0.0).all() and (np.abs(balanced - balanced.T) <= _SAME * size).all()
-    return factor * own[first] / own if holds else None
+    return factor * diagonal[first] / diagonal if holds else None
 
 
 class _Balance:

@@ -86,13 +86,13 @@ def _after_impact(
 ) -> Vector | None:
     """States after an impact on these velocities; None if the balance of impulses is not known."""
     slopes = _at(compiled, t, before, numbers)[1]
-    found = directions(compiled, reset, slopes, (t, before, *numbers))
-    if found is None:
+    jumps = directions(compiled, reset, slopes, (t, before, *numbers))
+    if jumps is None:
         return None
-    own = found[reset]
-    if np.linalg.matrix_rank(own / np.diag(own), tol=_RANK) < len(reset):
+    responses = jumps[reset]
+    if np.linalg.matrix_rank(responses / np.diag(responses), tol=_RANK) < len(reset):
         return None
-    after_impact = after + found @ np.linalg.solve(own, after[reset] - before[reset])
+    after_impact = after + jumps @ np.linalg.solve(responses, after[reset] - before[reset])
     after_impact[reset] = after[reset]
     return after_impact
 
