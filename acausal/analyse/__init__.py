@@ -1,1 +1,1 @@
-"""The compiler's middle end, free of CasADi: aliases, index reduction, states, blocks, events and starts as data."""
+"""The compiler's middle end, without CasADi: aliases, index reduction, states, blocks, events, the start problem."""

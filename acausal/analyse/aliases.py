@@ -1,8 +1,8 @@
 """Alias elimination: from the flat system to the reduced one.
 
-Equations `v1 == +-v2`, `v == constant` and `v == der(x)` are substituted rather than solved: one variable represents an
-alias class, constants disappear, and v becomes the derivative of x by name. Definitions of rotation matrices are
-substituted too, with their rates as known derivatives, so that frames add no unknowns.
+Equations `v1 == +-v2`, `v == constant` and `v == der(x)` are substituted rather than solved: one variable represents
+each alias class, constants disappear, and v takes the place of der(x). Definitions of rotation matrices are substituted
+too, with their rates as known derivatives, so that frames add no unknowns.
 """
 
 from __future__ import annotations
@@ -21,32 +21,33 @@ from acausal.flatten.reduced import ReducedSystem, ReducedWhen
 from acausal.structure import classes
 
 
-def reduce(flat: FlatSystem, instead: Mapping[int, int] | None = None) -> ReducedSystem:
+def reduce(flat: FlatSystem, replacements: Mapping[int, int] | None = None) -> ReducedSystem:
     """Eliminate aliases and constants until none is left.
 
-    `instead` maps flat equations to residuals, nodes of the flat pool, that replace them (`acausal.analyse.hidden`).
+    `replacements` maps flat equations to nodes of the flat pool that replace their residuals
+    (`acausal.analyse.hidden`).
 
     Raises
     ------
     StructureError
         AC205, or a more specific code, when equations contradict each other: a nonzero constant must be zero.
     """
-    work = _Aliases(flat, instead or {})
+    work = _Aliases(flat, replacements or {})
     while work.sweep():
         pass
     return work.finish()
 
 
 class _Aliases:
-    """State of the elimination; each substitution may reveal new aliases, which the next sweep finds."""
+    """Working state of the elimination; each substitution may reveal new aliases, which the next sweep finds."""
 
-    def __init__(self, flat: FlatSystem, instead: Mapping[int, int]) -> None:
+    def __init__(self, flat: FlatSystem, replacements: Mapping[int, int]) -> None:
         self.flat = flat
         self.pool = flat.pool
-        self.nodes = self.pool.vars(range(flat.n_scalars))  # of the variables
+        self.nodes = self.pool.vars(range(flat.n_scalars))  # one per flat scalar
         sub = self.pool.sub
         self.residual = {k: sub(left, right) for k, (left, right, *_) in enumerate(flat.equations)}
-        self.residual.update(instead)
+        self.residual.update(replacements)
         self.dirty = list(self.residual)  # equations whose variables have changed since they were examined
         self.users = _Users()
         self.relations: list[tuple[int, int, int]] = []
@@ -95,7 +96,7 @@ class _Aliases:
                 self._restore(k, pool.sub(pool.var(v), pool.var(pool.derivative(x))))
 
     def _signed(self, variable: int) -> tuple[int, bool]:
-        """(Representative, whether the sign is +); a derivative is its own representative while its integral is."""
+        """(Representative, whether the sign is +); a derivative represents itself as long as its integral does."""
         pool, base = self.pool, variable
         while base in pool.integral_of:
             base = pool.integral_of[base]
@@ -161,7 +162,7 @@ class _Aliases:
         return self.done[self.definition[variable]]
 
     def sweep(self) -> bool:
-        """Substitute in changed equations and collect aliases and constants, or else links; True if any was found."""
+        """Substitute in changed equations, then use aliases and constants, or links if there are none; True if any."""
         self._substitute()
         relations = len(self.relations)
         touched: set[int] = set()
@@ -207,7 +208,7 @@ class _Aliases:
         first, sign, second = self._pattern(node)
         if first is None or first in self.pool.integral_of or first == second:
             return False
-        if second is None or isinstance(second, _Known):
+        if second is None or isinstance(second, _Constant):
             if first in self.inputs or first in touched:
                 return False
             touched.add(first)
@@ -254,8 +255,8 @@ class _Aliases:
         self.trivial.append(k)
         return True
 
-    def _pattern(self, node: tuple[Any, ...]) -> tuple[int | None, int, int | _Known | None]:
-        """(variable, sign, other) for v = sign*other, v = known or v = 0 (other None); (None, ...) for no pattern."""
+    def _pattern(self, node: tuple[Any, ...]) -> tuple[int | None, int, int | _Constant | None]:
+        """(v, sign, other) for v = sign * other, v = constant or v = 0 (other None); v is None if no pattern fits."""
         pool = self.pool
         op = node[0]
         if op == "var":
@@ -271,13 +272,13 @@ class _Aliases:
             return a[1], 1 if op == "sub" else -1, b[1]
         for this, other in ((a, node[2]), (b, node[1])):
             if this[0] == "var" and pool.is_constant(other):
-                known: int = other
-                return this[1], 1, _Known(known if op == "sub" else pool.neg(known))
+                constant: int = other
+                return this[1], 1, _Constant(constant if op == "sub" else pool.neg(constant))
         return None, 1, None
 
     def finish(self) -> ReducedSystem:
         """Translate the remaining equations into a new pool."""
-        self.users = _Users()  # large, and no longer needed
+        self.users = _Users()  # frees memory
         pool = Pool()
         number: dict[int, int] = {}
         old = self.pool
@@ -313,7 +314,7 @@ class _Aliases:
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
         done = dict(zip(old.vars(number), pool.vars(number.values()), strict=True))
-        old.retire()  # here compilation needs most memory
+        old.retire()  # the memory use of compilation peaks here
         pool.copy(old, reachable, done)
         for node, slope in slopes_old:
             if pool.nodes[done[node]][0] not in ("var", "const", "neg"):
@@ -362,13 +363,13 @@ class _Aliases:
 
 
 class _Users:
-    """Equations that contain a variable, as two arrays of pairs, looked up for many variables at once."""
+    """Which equations contain which variables: pairs in two arrays, searched for many variables at once."""
 
     def __init__(self) -> None:
         self.variable, self.equation = array("q"), array("q")
 
     def add(self, equation: int, variables: Sequence[int]) -> None:
-        """Enter an equation for each of its variables."""
+        """Add a pair for each variable of an equation."""
         self.variable.extend(variables)
         self.equation.extend([equation] * len(variables))
 
@@ -379,12 +380,12 @@ class _Users:
         return marks[np.frombuffer(self.variable, dtype=np.int64)]
 
     def of(self, variables: Collection[int], count: int) -> list[int]:
-        """The equations of `variables`, perhaps with repetitions."""
+        """The equations that contain any of `variables`, possibly with repetitions."""
         found: list[int] = np.frombuffer(self.equation, dtype=np.int64)[self._mask(variables, count)].tolist()
         return found
 
     def pop(self, variables: Collection[int], count: int) -> list[int]:
-        """The equations of `variables`, whose pairs are removed."""
+        """Return the equations that contain any of `variables`, and remove these pairs."""
         hit = self._mask(variables, count)
         variable, equation = (np.frombuffer(a, dtype=np.int64) for a in (self.variable, self.equation))
         found: list[int] = equation[hit].tolist()
@@ -393,27 +394,29 @@ class _Users:
 
 
 @dataclass(frozen=True)
-class _Known:
+class _Constant:
+    """Value of a variable: a node without variables."""
+
     node: int
 
 
 def _priorities(flat: FlatSystem) -> list[int]:
-    """How gladly each scalar gives its name to those that are equal to it."""
+    """Priority of each scalar as the representative of its alias class; the largest wins."""
     priority = [-100] * flat.n_scalars
-    ranks: dict[int, tuple[int, bool]] = {}
+    declared_ranks: dict[int, tuple[int, bool]] = {}
     starts, differentiated = flat.starts, set(flat.pool.integral_of.values())
     for v in flat.variables:
         d = v.declaration
-        if id(d) not in ranks:
+        if id(d) not in declared_ranks:
             rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
-            ranks[id(d)] = rank, d.kind.value == "variable"
-        rank, internal = ranks[id(d)]
+            declared_ranks[id(d)] = rank, d.kind.value == "variable"
+        rank, internal = declared_ranks[id(d)]
         rank -= "." in v.path
         for k in range(v.first, v.first + v.size):
-            own = rank + 4 if k in starts else rank
+            scalar_rank = rank + 4 if k in starts else rank
             if internal and k in differentiated:
-                own += 1  # the voltage of a capacitor rather than the potential of a pin
-            priority[k] = max(priority[k], own)
+                scalar_rank += 1  # prefers the voltage of a capacitor to the potential of a pin
+            priority[k] = max(priority[k], scalar_rank)
     for k in flat.inputs:
         priority[k] = 100
     return priority

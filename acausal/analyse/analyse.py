@@ -18,8 +18,9 @@ from acausal.numeric.evaluate import Samples, gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints, Visited
 from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
 
-_SUSPICIOUS = (5, 20)
-"""Levels of differentiation at which singularity is checked: published problems have index 3 or less."""
+_CHECKED_LEVELS = (5, 20)
+"""Numbers of differentiations of one equation at which the system is checked for singularity; at the last one the model
+is refused in any case. Published problems have index 3 or less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,7 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
     """Structural analysis: balance, index reduction, state choice, block order.
 
     With `keep_constraints` no states are chosen: every constraint is stabilised, and all its variables are integrated.
-    Numeric decisions are checked at the points `visited` too.
+    Numeric decisions are checked at `visited` points of an earlier run as well.
 
     Raises
     ------
@@ -110,7 +111,8 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
             system.rows(points),
             preference(reduced),
             lambda e: system.hidden(integral[e], e),
-            # Variables without a derivative in the model are solved for like algebraic ones: near points suffice.
+            # Variables without a derivative in the model are solved for like algebraic ones: the near sample points
+            # suffice.
             lambda v: None if v in moving else COUNT,
         )
         _check_choices(reduced, integral, choices)
@@ -141,7 +143,7 @@ def reordered(
 ) -> Structure:
     """The structure with other nodes for its equations, and recomputed blocks.
 
-    `states` replace the states, if given; variables `gone` no longer occur and are not solved for.
+    `states` replace the states, if given; the variables `gone` no longer occur and are not solved for.
 
     Raises StructureError when the equations no longer determine the unknowns.
     """
@@ -155,10 +157,10 @@ def reordered(
 
 
 def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> list[Block]:
-    """Connected groups of highest differentiated equations and their highest derivatives.
+    """Connected groups of the equations of highest derivative and their highest derivatives.
 
-    Not the blocks of the solving order: a preferred coordinate and the one it replaces as a state (a joint's and a
-    body's) often occur in different blocks.
+    These are larger than the blocks of the solving order: a preferred coordinate and the one it replaces as a state (a
+    joint's and a body's) often occur in different blocks.
     """
     rows = [[v for v in system.incidence(e) if v in unknowns and v in system.pool.integral_of] for e in equations]
     owner: dict[int, int] = {}
@@ -202,7 +204,7 @@ class _System:
         self.derivative_of = reduced.pool.derivative_of
         self.residuals = list(reduced.residuals)
         self.source = list(reduced.equation)  # flat equation that each residual comes from
-        self.level = [0] * len(self.residuals)  # how often it was differentiated
+        self.level = [0] * len(self.residuals)  # how often each was differentiated
         self.inputs = set(reduced.inputs)
         self._rows: dict[int, list[int]] = {}
 
@@ -221,21 +223,21 @@ class _System:
 
     def differentiate_equation(self, equation: int) -> int:
         level = self.level[equation] + 1
-        if level in _SUSPICIOUS:
-            refuse_if_singular(self.reduced, self.source[equation], level == _SUSPICIOUS[-1])
+        if level in _CHECKED_LEVELS:
+            refuse_if_singular(self.reduced, self.source[equation], level == _CHECKED_LEVELS[-1])
         self.level.append(level)
         self.residuals.append(differentiate(self.pool, self.residuals[equation]))
         self.source.append(self.source[equation])
         return len(self.residuals) - 1
 
     def hidden(self, equation: int, differentiated: int) -> list[int]:
-        """Derivatives of variables of an equation that known rates keep out of the differentiated equation."""
+        """Derivatives of variables of an equation that the differentiated one lacks, thanks to known rates."""
         rates = map(self.derivative_of.get, self.incidence(equation))
         shown = set(self.incidence(differentiated))
         return [v for v in rates if v is not None and v not in shown]
 
     def rows(self, points: SamplePoints) -> Callable[[Sequence[int], Sequence[int]], list[dict[int, Samples]]]:
-        """Sparse rows of d(equation)/d(variable), per nominal magnitude, at the sample points."""
+        """Sparse rows of d(equation)/d(variable) times the nominal value of the variable, at the sample points."""
 
         def rows(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, Samples]]:
             found = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves_anywhere)
@@ -248,7 +250,7 @@ class _System:
         return rows
 
     def _nominal(self, variable: int) -> float:
-        """Declared magnitude: charges of 1e-12 C stand beside voltages of 1 V, and neither is negligible."""
+        """Declared magnitude, so that charges of 1e-12 C are not negligible next to voltages of 1 V."""
         flat = self.reduced.flat
         sizes = (abs(flat.declaration(s).nominal) for s in self.reduced.aliases.get(variable, ()))
         return next((s for s in sizes if s not in (0.0, 1.0)), 1.0)
@@ -259,7 +261,7 @@ class _System:
         return self.pool.par(len(self.reduced.flat.parameter_values))
 
     def stabilise(self, highest: Sequence[int], integral: dict[int, int]) -> list[tuple[int, int]]:
-        """Replace highest derivatives of constraints by decaying ones; returns constraints with all lower levels."""
+        """Replace the highest derivatives of constraints by (d/dt + rate)^k g; return (equation, node) of lower ones."""
         invariants = []
         original = list(self.residuals)
         derivative = {old: new for new, old in integral.items()}
@@ -288,7 +290,7 @@ class _System:
 
 
 def preference(reduced: ReducedSystem) -> Callable[[int], float]:
-    """How gladly a variable is taken as state: declared preference first, then a declared fixed start."""
+    """Rank of a variable as a state, the largest first: by its declared preference, then by a declared fixed start."""
 
     def preference(variable: int) -> float:
         rank, is_fixed = 1.0, False

@@ -1,9 +1,9 @@
-"""Combinations of unknowns that nonlinear equations contain as a whole become variables of their own.
+"""Combinations of unknowns that occur as a whole in nonlinear equations become variables themselves.
 
 Two nonlinear capacitors in parallel state `q1 == f(a - b)` and `q2 == g(a - b)`. Their hidden constraint, f^-1(q1) ==
-g^-1(q2), appears in no linear combination, and structurally there are two equations for two potentials. With `w == a -
-b` both contain the one unknown w, and the second is differentiated like any other constraint. Combinations are
-recognised as they are written, up to a factor.
+g^-1(q2), is no linear combination of the equations, and structurally there are two equations for two potentials. With
+`w == a - b` both contain the one unknown w, and the second is differentiated like any other constraint. Combinations
+are recognised only as they are written, up to a factor.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from acausal.flatten.terms import SUMS, terms
 
 @dataclass(frozen=True)
 class _Combination:
-    """(Unknown, node of its factor) of a linear combination; the first factor is one."""
+    """A linear combination: pairs (unknown, node of its factor), of which the first factor is one."""
 
     factors: tuple[tuple[int, int], ...]
 
-    def share(self, pool: Pool, linear: dict[int, int]) -> int | None:
-        """Factor of this combination in a linear form; None if the form does not contain it."""
+    def factor_in(self, pool: Pool, linear: dict[int, int]) -> int | None:
+        """The factor by which a linear form contains this combination; None if it does not."""
         first = linear.get(self.factors[0][0])
         if first is None:
             return None
@@ -39,17 +39,25 @@ class _Combination:
 
 @dataclass(frozen=True, eq=False)
 class Combined:
-    """A flat system with variables for combinations."""
+    """A flat system with variables for combinations.
 
-    flat: FlatSystem  # its equations `rewritten` are those of the reduced system
+    Attributes
+    ----------
+    rewritten
+        Indices of flat equations that have been replaced by those of the reduced system.
+    image
+        Maps nodes of the original flat system to nodes of this one.
+    """
+
+    flat: FlatSystem
     rewritten: frozenset[int]
-    image: dict[int, int]  # node of the original flat system -> node of this one
+    image: dict[int, int]
 
 
 def holding_combinations(structure: Structure, rows: Iterable[int], unknowns: Collection[int]) -> list[int]:
-    """The equations of the reduced system among `rows` that contain combinations of unknowns in nonlinear terms.
+    """Those equations `rows` of the reduced system that contain combinations of unknowns in nonlinear terms.
 
-    `unknowns` are the variables that are not determined by states.
+    `unknowns` are the variables that the states do not determine.
     """
     reduced = structure.reduced
     form = LinearForm(reduced.pool, unknowns)
@@ -61,12 +69,12 @@ def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Colle
     reduced, pool = structure.reduced, structure.reduced.pool
     form = LinearForm(pool, unknowns)
     nonlinear_rows = list(dict.fromkeys(rows))
-    held = {r: _combinations_in(form, reduced.residuals[r]) for r in nonlinear_rows}
-    combinations = list(dict.fromkeys(c for r in nonlinear_rows for c in held[r].values()))
-    own = {c: pool.new_variables(1) for c in combinations}
+    combinations_of = {r: _combinations_in(form, reduced.residuals[r]) for r in nonlinear_rows}
+    combinations = list(dict.fromkeys(c for r in nonlinear_rows for c in combinations_of[r].values()))
+    variable_of = {c: pool.new_variables(1) for c in combinations}
     first = reduced.flat.n_scalars
     flat, image = with_variables(reduced.flat, len(combinations))
-    new = {own[c]: first + k for k, c in enumerate(combinations)}
+    new = {variable_of[c]: first + k for k, c in enumerate(combinations)}
 
     def number(variable: int) -> int:
         if variable in new:
@@ -76,17 +84,17 @@ def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Colle
         scalar = reduced.scalar[variable]
         return scalar if scalar < first else scalar + len(combinations)
 
-    made = tuple(_variable(reduced, c, new[own[c]]) for c in combinations)
+    made = tuple(_variable(reduced, c, new[variable_of[c]]) for c in combinations)
     equations = list(flat.equations)
     for r in nonlinear_rows:
-        node = transferred(pool, _substitute(form, reduced.residuals[r], own), flat.pool, number)
+        node = transferred(pool, _substitute(form, reduced.residuals[r], variable_of), flat.pool, number)
         place = reduced.equation[r]
         equations[place] = equations[place]._replace(left=node, right=flat.pool.zero)
     for c, v in zip(combinations, made, strict=True):
         meaning = pool.sum(pool.mul(factor, pool.var(x)) for x, factor in c.factors)
-        here = equations[reduced.equation[next(r for r in nonlinear_rows if c in held[r].values())]]
+        here = equations[reduced.equation[next(r for r in nonlinear_rows if c in combinations_of[r].values())]]
         right = transferred(pool, meaning, flat.pool, number)
-        text = f"{v.path} is one variable, as nonlinear equations hold it"
+        text = f"{v.path} is one variable, because nonlinear equations contain it as a whole"
         equations.append(FlatEquation(flat.pool.var(v.first), right, here.origin, here.component, text))
     sizes = flat.nominals and (*flat.nominals, *(nominal(reduced, c.factors[0][0]) for c in combinations))
     flat = replace(flat, equations=tuple(equations), variables=(*flat.variables, *made), nominals=sizes)
@@ -94,7 +102,7 @@ def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Colle
 
 
 def transferred(old: Pool, root: int, new: Pool, number: Callable[[int], int]) -> int:
-    """Copy a node to another pool, with renumbered variables."""
+    """Copy a node to another pool; `number` maps the old variables to the new ones."""
     variables = old.variables_in(root)
     done = dict(zip(old.vars(variables), new.vars(map(number, variables)), strict=True))
     new.copy(old, old.reachable([root]), done)
@@ -102,7 +110,7 @@ def transferred(old: Pool, root: int, new: Pool, number: Callable[[int], int]) -
 
 
 def _combinations_in(form: LinearForm, root: int) -> dict[int, _Combination]:
-    """Nodes inside nonlinear terms that are linear in several unknowns, with their combinations."""
+    """Maps nodes inside nonlinear terms that are linear in several unknowns to their combinations."""
     pool, found = form.pool, dict[int, _Combination]()
     seen: set[int] = set()
     stack = [n for n, _ in terms(pool, root) if form.of(n) is None]
@@ -122,7 +130,7 @@ def _combinations_in(form: LinearForm, root: int) -> dict[int, _Combination]:
 
 
 def _combination(pool: Pool, linear: dict[int, int]) -> _Combination | None:
-    """The linear form divided by the factor of its first variable; None where that may be zero."""
+    """A linear form divided by the factor of its first variable; None where that may be zero."""
     order = sorted(linear)
     first = linear[order[0]]
     value = pool.value(first)
@@ -132,11 +140,11 @@ def _combination(pool: Pool, linear: dict[int, int]) -> _Combination | None:
     others = [_sign_and_magnitude(pool, linear[v]) for v in order]
     if any(node != core for _, node in others):
         return None
-    return _Combination(tuple((v, pool.const(sign * own)) for v, (own, _) in zip(order, others, strict=True)))
+    return _Combination(tuple((v, pool.const(sign * other)) for v, (other, _) in zip(order, others, strict=True)))
 
 
 def _sign_and_magnitude(pool: Pool, node: int) -> tuple[float, int]:
-    """A factor as sign and magnitude, so that -1 / p and -(1 / p) compare equal."""
+    """(Sign, node of the magnitude) of a factor, so that -1 / p and -(1 / p) compare equal."""
     op, *operands = pool.nodes[node]
     if op == "const":
         return (-1.0, pool.const(-operands[0])) if operands[0] < 0.0 else (1.0, node)
@@ -149,8 +157,8 @@ def _sign_and_magnitude(pool: Pool, node: int) -> tuple[float, int]:
     return 1.0, node
 
 
-def _substitute(form: LinearForm, root: int, own: dict[_Combination, int]) -> int:
-    """The expression with the combinations replaced by variables, in its linear terms too."""
+def _substitute(form: LinearForm, root: int, variable_of: dict[_Combination, int]) -> int:
+    """An expression with the combinations replaced by variables, in its linear terms as well."""
     pool = form.pool
     curved = pool.zero
     rest, total = pool.zero, dict[int, int]()
@@ -158,15 +166,15 @@ def _substitute(form: LinearForm, root: int, own: dict[_Combination, int]) -> in
     for term, times in terms(pool, root):
         factor, linear = pool.const(float(times)), form.of(term)
         if linear is None:
-            curved = pool.add(curved, pool.mul(factor, _image(form, term, own, image)))
+            curved = pool.add(curved, pool.mul(factor, _image(form, term, variable_of, image)))
             continue
         rest = pool.add(rest, pool.mul(factor, linear[0]))
         for v, c in linear[1].items():
             total[v] = pool.add(total.get(v, pool.zero), pool.mul(factor, c))
-    return pool.add(curved, _substitute_linear(pool, rest, total, own))
+    return pool.add(curved, _substitute_linear(pool, rest, total, variable_of))
 
 
-def _image(form: LinearForm, root: int, own: dict[_Combination, int], done: dict[int, int]) -> int:
+def _image(form: LinearForm, root: int, variable_of: dict[_Combination, int], done: dict[int, int]) -> int:
     pool = form.pool
     for number in pool.reachable([root], done):
         op, *operands = pool.nodes[number]
@@ -174,30 +182,30 @@ def _image(form: LinearForm, root: int, own: dict[_Combination, int], done: dict
         if op in LEAVES:
             done[number] = number
         elif linear is not None and len(linear[1]) > 1 and op in SUMS:
-            done[number] = _substitute_linear(pool, linear[0], linear[1], own)
+            done[number] = _substitute_linear(pool, linear[0], linear[1], variable_of)
         else:
             made = pool.make(op, *[done[c] for c in operands])
             done[number] = pool.collected(made) if op in SUMS else made
     return done[root]
 
 
-def _substitute_linear(pool: Pool, rest: int, linear: dict[int, int], own: dict[_Combination, int]) -> int:
-    """A linear form with contained combinations replaced by their variables."""
+def _substitute_linear(pool: Pool, rest: int, linear: dict[int, int], variable_of: dict[_Combination, int]) -> int:
+    """A linear form with the combinations in it replaced by their variables."""
     left = dict(linear)
-    for combination, variable in own.items():
-        share = combination.share(pool, left)
-        if share is not None:
-            rest = pool.add(rest, pool.mul(share, pool.var(variable)))
+    for combination, variable in variable_of.items():
+        factor_in = combination.factor_in(pool, left)
+        if factor_in is not None:
+            rest = pool.add(rest, pool.mul(factor_in, pool.var(variable)))
             left = {v: c for v, c in left.items() if v not in dict(combination.factors)}
     return pool.add(rest, pool.sum(pool.mul(c, pool.var(v)) for v, c in left.items()))
 
 
 def _variable(reduced: ReducedSystem, combination: _Combination, number: int) -> FlatVariable:
-    """Declaration of the new variable: that of the first unknown, named by the text of the combination."""
-    pool, words = reduced.pool, ""
+    """The new variable, declared like the first unknown of its combination and named by the text of the combination."""
+    pool, text_of_sum = reduced.pool, ""
     for v, factor in combination.factors:
         value = pool.value(factor)
         size = "" if value in (1.0, -1.0) else "... " if value is None else f"{abs(value):.6g} "
-        words += (" - " if value is not None and value < 0.0 else " + ") + size + reduced.name(v)
+        text_of_sum += (" - " if value is not None and value < 0.0 else " + ") + size + reduced.name(v)
     declared = reduced.flat.declaration(reduced.scalar[combination.factors[0][0]])
-    return FlatVariable(f"({words[3:]})", declared, number, 1)
+    return FlatVariable(f"({text_of_sum[3:]})", declared, number, 1)

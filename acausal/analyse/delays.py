@@ -1,8 +1,8 @@
-"""Delayed signals as data for a run: the signals to record, and polynomials by which the past enters the equations.
+"""Delayed signals: which signals a run records, and how their past enters the equations.
 
-Over a stretch of a run that is no longer than the delay, the delayed signal is a known function of time: a Chebyshev
-polynomial on the interval that the stretch reads, whose coefficients are modes. Every solver, compiled code included,
-therefore integrates a smooth right-hand side, and nothing is compiled again.
+Over a stretch of a run that is no longer than the delay, the delayed signal is a known function of time. It enters as a
+Chebyshev polynomial on the interval of the past that the stretch reads, and the coefficients of the polynomial are
+modes. Every solver, compiled code included, therefore integrates a smooth right-hand side without recompilation.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PADE = "replace the delay by a rational approximation: PadeDelay of acausal.libr
 
 @dataclass(frozen=True)
 class Delay:
-    """One delayed signal: index of its source signal, nodes of the delay and of its upper limit."""
+    """One delayed signal: index of its source signal, nodes of the delay (`time`) and of its upper limit (`most`)."""
 
     source: int
     time: int
@@ -45,8 +45,8 @@ class Delay:
 class Delays:
     """All delays of a model.
 
-    `smoother[j, k]` is the number of integrations between delay j and source k, by which a discontinuity of the one
-    becomes smoother in the other. Pairs without a path are left out.
+    `smoother` has pairs ((j, k), n): n integrations lie between delay j and source k, so that a discontinuity of the
+    delayed signal appears n orders smoother in the source. Pairs without a path are left out.
     """
 
     items: tuple[Delay, ...] = ()
@@ -63,7 +63,7 @@ class Delays:
 
     @property
     def roots(self) -> list[int]:
-        """Nodes that a run evaluates in addition to the equations: sources, then delays."""
+        """Nodes that a run evaluates in addition to the equations: the sources, then the delays."""
         return [*self.sources, *(d.time for d in self.items)]
 
 
@@ -74,16 +74,16 @@ def find_delays(solution: Solution) -> Delays:
     sources: dict[int, int] = {}
     items = []
     for flat, (source, time, most) in zip(reduced.flat.delays, reduced.delays, strict=True):
-        place = sources.setdefault(source, len(sources))
+        index = sources.setdefault(source, len(sources))
         span = flat.origin.span() if flat.origin is not None else None
-        items.append(Delay(place, time, most, not pool.varies(time), flat.label, flat.component, span))
+        items.append(Delay(index, time, most, not pool.varies(time), flat.label, flat.component, span))
     if not items:
         return Delays()
     return Delays(tuple(items), tuple(sources), tuple(_smoother(solution, list(sources)).items()))
 
 
 def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], int]:
-    """Integrations between each delay and each source, by a breadth-first search back from the source."""
+    """Number of integrations between each delay and each source, by breadth-first search back from the source."""
     structure = solution.structure
     pool = structure.reduced.pool
     definition = dict(solution.definitions)
@@ -115,7 +115,7 @@ def _smoother(solution: Solution, sources: list[int]) -> dict[tuple[int, int], i
 def refuse_delays(flat: FlatSystem, what: str, help_: str) -> None:
     """Refuse an operation that is not defined or not implemented for models with delays.
 
-    Raises UsageError: AC035 with the first delay, its place and a remedy.
+    Raises UsageError: AC035, with the first delay, its place in the source and a remedy.
     """
     if not flat.delays:
         return
@@ -123,9 +123,9 @@ def refuse_delays(flat: FlatSystem, what: str, help_: str) -> None:
     more = f" and {len(flat.delays) - 1} more" if len(flat.delays) > 1 else ""
     raise UsageError(
         "AC035",
-        f"{what} does not take {flat.name}: it holds {first.label}{more}",
+        f"{what} does not support {flat.name}: it contains {first.label}{more}",
         where=(first.origin.span(),) if first.origin is not None else (),
-        evidence=[f"{first.label} stands in {first.component or flat.name}"],
+        evidence=[f"{first.label} is in {first.component or flat.name}"],
         cause="a delayed signal depends on the past of a run, not on its present state alone",
         help=help_,
     )

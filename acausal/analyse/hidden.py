@@ -1,4 +1,4 @@
-"""Hidden constraints, which several equations state together, found when their unknowns cancel.
+"""Hidden constraints, which several equations imply together once their unknowns cancel.
 
 Two capacitors in parallel state `C1.v == p.v - n.v` and `C2.v == p.v - n.v`. Structurally the two equations determine
 the two potentials, but together they state C1.v == C2.v. Such a constraint is what remains of a block of equations when
@@ -32,18 +32,18 @@ from acausal.structure import Block
 
 
 class HiddenConstraint(StructureError):
-    """Singular block with hidden constraints: `equations` maps flat equations to the nodes that can replace them."""
+    """A singular block with hidden constraints: `equations` maps flat equations to the nodes that can replace them."""
 
     equations: dict[int, int]
 
     def add(self, other: StructureError) -> None:
-        """Add the hidden constraints of another block, except for equations replaced already."""
+        """Add the hidden constraints of another block, except for equations that are already replaced."""
         if isinstance(other, HiddenConstraint):
             self.equations = other.equations | self.equations
 
 
 class HiddenCombination(StructureError):
-    """Singular block whose nonlinear equations share combinations of unknowns: `rows` of the reduced system."""
+    """A singular block whose nonlinear equations, `rows` of the reduced system, share combinations of unknowns."""
 
     structure: Structure
     rows: list[int]
@@ -64,7 +64,8 @@ _Hidden = TypeVar("_Hidden", HiddenConstraint, HiddenCombination)
 def hidden_constraint(structure: Structure, block: Block, error: StructureError) -> StructureError:
     """The error for a block of dependent equations: `error`, extended by its hidden constraints if there are any.
 
-    These are searched among the equations of the block; if they are differentiated, among all original equations.
+    They are sought among the equations of the block, or among all original equations if the block contains
+    differentiated ones.
     """
     count = len(structure.reduced.residuals)
     if all(r < count for r in block.rows):
@@ -76,13 +77,13 @@ def hidden_constraint(structure: Structure, block: Block, error: StructureError)
     if not rests or not all(structure.reduced.pool.variables_in(rest) for rest in rests.values()):
         # no constraint, or only a constant that must be zero: terms may still share combinations of unknowns
         sources = {structure.flat_equation(r) for r in block.rows}
-        own = [r for r, e in enumerate(structure.reduced.equation) if e in sources]
-        own = holding_combinations(structure, own, _highest(structure.reduced))
-        if not own:
+        rows = [r for r, e in enumerate(structure.reduced.equation) if e in sources]
+        rows = holding_combinations(structure, rows, _highest(structure.reduced))
+        if not rows:
             return error
-        named = _as(HiddenCombination, error)
-        named.structure, named.rows = structure, own
-        return named
+        combination = _as(HiddenCombination, error)
+        combination.structure, combination.rows = structure, rows
+        return combination
     hidden = _as(HiddenConstraint, error)
     hidden.equations = {structure.reduced.equation[r]: _in_flat(structure.reduced, rest) for r, rest in rests.items()}
     return hidden
@@ -95,8 +96,8 @@ def _as(kind: type[_Hidden], error: StructureError) -> _Hidden:
 def _remainders(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
     """Remainders of combinations of equations in which the unknowns cancel, by the row that each can replace.
 
-    Nonlinear terms cancel as a whole: `y1 == q(u1 - u2)` and `y2 == -q(u1 - u2)`. Combinations with constant factors
-    come first, because sums of currents cancel exactly and expressions of parameters may not.
+    Nonlinear terms cancel as a whole, as in `y1 == q(u1 - u2)` and `y2 == -q(u1 - u2)`. Combinations with constant
+    factors are tried first, because sums of currents cancel exactly, whereas expressions of parameters may not.
     """
     rows = list(rows)
     exact = _exact_remainders(structure, rows, unknowns)
@@ -109,19 +110,19 @@ def _remainders(structure: Structure, rows: Iterable[int], unknowns: set[int]) -
 
 
 def _substitution_remainders(structure: Structure, rows: Sequence[int], unknowns: set[int]) -> dict[int, int]:
-    """Remainders of nonlinear equations after substituting what linear ones state about the unknowns, by row.
+    """Remainders of nonlinear equations after the linear ones have been solved for unknowns and substituted, by row.
 
-    `v == a - b` and `q == C (a - b) (1 + (a - b)**2)`: both contain the same difference of the unknowns.
+    Example: `v == a - b` and `q == C (a - b) (1 + (a - b)**2)` contain the same difference of the unknowns.
     """
     pool = structure.reduced.pool
-    known: dict[int, int] = {}
+    substitution: dict[int, int] = {}
 
     def image(node: int) -> int:
         done: dict[int, int] = {}
         for number in pool.reachable([node]):
             op, *operands = pool.nodes[number]
             if op == "var":
-                done[number] = known.get(operands[0], number)
+                done[number] = substitution.get(operands[0], number)
             elif op in LEAVES:
                 done[number] = number
             else:
@@ -143,29 +144,31 @@ def _substitution_remainders(structure: Structure, rows: Sequence[int], unknowns
         numbers = {v: pool.value(c) for v, c in linear[1].items()}
         pivot = next((v for v, c in numbers.items() if c in (1.0, -1.0)), None)
         if pivot is not None:
-            own = pool.neg(pool.mul(linear[1][pivot], pool.sub(left, pool.mul(linear[1][pivot], pool.var(pivot)))))
-            known[pivot] = pool.collected(own)
-            known.update({v: image(node) for v, node in known.items()})
+            solved = pool.neg(pool.mul(linear[1][pivot], pool.sub(left, pool.mul(linear[1][pivot], pool.var(pivot)))))
+            substitution[pivot] = pool.collected(solved)
+            substitution.update({v: image(node) for v, node in substitution.items()})
     return found
 
 
 def _exact_remainders(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
-    """Remainders of combinations with constant factors, in exact arithmetic, by row."""
+    """Remainders of combinations with constant factors, found in exact arithmetic, by row."""
     pool = structure.reduced.pool
     rows_of_terms: dict[int, Row] = {}
     for r in rows:
         rows_of_terms[r] = {}
         add_terms(pool, structure.residuals[r], 1, rows_of_terms[r])
-    inside = {r: {n: w for n, w in row.items() if pool.variables_in(n) & unknowns} for r, row in rows_of_terms.items()}
+    terms_of_unknowns = {
+        r: {n: w for n, w in row.items() if pool.variables_in(n) & unknowns} for r, row in rows_of_terms.items()
+    }
     remainders = {}
-    for combination in null_combinations({r: row for r, row in inside.items() if row}):
+    for combination in null_combinations({r: row for r, row in terms_of_unknowns.items() if row}):
         rest = combined([(w, rows_of_terms[r]) for r, w in combination.items()])
         remainders[next(iter(combination))] = pool.sum(pool.mul(pool.const(float(w)), n) for n, w in rest.items())
     return remainders
 
 
 def _sum(form: LinearForm, root: int) -> Linear:
-    """(Rest, coefficients) with respect to unknowns v, and to nonlinear terms, which are numbered -1 - node."""
+    """(Rest, coefficients) with respect to the unknowns and to nonlinear terms; the key of a term is -1 - node."""
     pool = form.pool
     rest, total = pool.zero, dict[int, int]()
     stack = [(root, pool.one)]
@@ -180,11 +183,11 @@ def _sum(form: LinearForm, root: int) -> Linear:
             if op == "neg":
                 stack.append((args[0], pool.neg(factor)))
                 continue
-            known = [x is not None and not x[1] for x in map(form.of, args)]
-            if op == "mul" and any(known):
-                stack.append((args[known[0]], pool.mul(factor, args[not known[0]])))
+            substitution = [x is not None and not x[1] for x in map(form.of, args)]
+            if op == "mul" and any(substitution):
+                stack.append((args[substitution[0]], pool.mul(factor, args[not substitution[0]])))
                 continue
-            if op == "div" and known[1]:
+            if op == "div" and substitution[1]:
                 stack.append((args[0], pool.div(factor, args[1])))
                 continue
             linear = pool.zero, {-1 - number: pool.one}
@@ -197,8 +200,9 @@ def _sum(form: LinearForm, root: int) -> Linear:
 def _differentiated_remainder(structure: Structure, block: Block) -> dict[int, int]:
     """A hidden constraint of a block with differentiated equations, by the undifferentiated one that it replaces.
 
-    `x + t y = q(t)` differentiated and `x' + t y' + 2 y = p(t)` have the same left-hand side in x' and y'. The
-    remainder can replace any equation that contributes to it, as differentiated ones follow from their constraints.
+    The derivative of `x + t y = q(t)` and `x' + t y' + 2 y = p(t)` have the same left-hand side in x' and y'. Their
+    remainder can replace any undifferentiated equation that contributes to it, because differentiated ones follow from
+    their constraints.
     """
     count = len(structure.reduced.residuals)
     rests = list(_remainders(structure, block.rows, set(block.columns)).values())
@@ -213,13 +217,13 @@ def _differentiated_remainder(structure: Structure, block: Block) -> dict[int, i
     left, sizes, _ = np.linalg.svd(jacobian)
     if len(sizes) > 1 and sizes[-2] <= 1e-9 * sizes[0]:
         return {}
-    shares = {r: abs(left[i, -1]) for i, r in enumerate(block.rows) if r < count}
-    best = max(shares, key=shares.__getitem__, default=None)
-    return {} if best is None or shares[best] < 1e-6 else {best: rests[0]}
+    contributions = {r: abs(left[i, -1]) for i, r in enumerate(block.rows) if r < count}
+    best = max(contributions, key=contributions.__getitem__, default=None)
+    return {} if best is None or contributions[best] < 1e-6 else {best: rests[0]}
 
 
 def _highest(reduced: ReducedSystem) -> set[int]:
-    """Variables of the undifferentiated equations without states and inputs."""
+    """Variables of the undifferentiated equations except states and inputs."""
     pool = reduced.pool
     found = pool.variables_in(*reduced.residuals)
     states = {pool.integral_of[v] for v in found if v in pool.integral_of}

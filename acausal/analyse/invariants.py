@@ -1,12 +1,12 @@
-"""Linear invariants: sums of equations in which everything but derivatives cancels, used instead of integrated.
+"""Linear invariants: sums of equations in which everything but derivatives cancels, imposed as algebraic equations.
 
-`der(a) - der(b) - der(c) == 0` means that a - b - c is constant. Integrating all three satisfies that only to the
-tolerance of each, and if one is a small difference of the others all its digits may be lost (problem E5 of the Bari
-test set: 100 % wrong at every tolerance); a charge balance `der(q1) + der(q2) == 0` needs no integration.
+`der(a) - der(b) - der(c) == 0` means that a - b - c is constant. Integrating all three satisfies this only within the
+tolerance of each, and if one is a small difference of the others, all its digits may be lost (problem E5 of the Bari
+test set: 100 % wrong at every tolerance). A charge balance `der(q1) + der(q2) == 0` even saves an integration.
 
 An invariant is used only where no digits are lost: its constant is zero by the declared starts, and one variable is the
-sum of others of one sign. A total of 1 that consists mostly of one species is not used: small species would become
-differences of large numbers.
+sum of others of one sign. A total of 1 that consists mostly of one species is not used, because small species would
+become differences of large numbers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import TypeGuard
 from acausal.flatten.pool import Pool
 from acausal.flatten.reduced import ReducedSystem
 
-# Integers where possible: fractions cost ten times as much, and nearly all factors are 1 or -1.
+# Integers where possible: nearly all factors are 1 or -1, and fractions cost ten times as much.
 Number = int | Fraction
 Row = dict[int, Number]
 
@@ -62,7 +62,7 @@ def use_invariants(reduced: ReducedSystem) -> ReducedSystem:
 def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
     """Residuals that are linear in derivatives with constant factors."""
     pool = reduced.pool
-    found = {}
+    balances = {}
     for i, residual in enumerate(reduced.residuals):
         total: Row = {}
         add_terms(pool, residual, 1, total)
@@ -75,8 +75,8 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
             else:
                 terms[node] = weight
         if derivatives and not any(v in pool.integral_of for v in pool.variables_in(*terms)):
-            found[i] = _Balance(derivatives, terms)
-    return found
+            balances[i] = _Balance(derivatives, terms)
+    return balances
 
 
 def _is_factor(value: float | None) -> TypeGuard[float]:
@@ -106,7 +106,11 @@ def add_terms(pool: Pool, root: int, factor: Number, total: Row) -> None:
 
 
 def null_combinations(sums: Mapping[int, Row]) -> list[Row]:
-    """Combinations of rows (index -> weight, first that of its last row) in which all terms (node -> factor) cancel."""
+    """Combinations of rows in which all terms cancel.
+
+    `sums` maps row indices to terms (node -> factor). Each combination maps row indices to weights; the last row that
+    takes part comes first.
+    """
     rows = dict(sums)
     users: dict[int, set[int]] = {}
     for i, row in rows.items():
@@ -147,7 +151,7 @@ def combined(parts: list[tuple[Number, Row]]) -> Row:
 def _choose(
     reduced: ReducedSystem, weights: Row, occurrences: Mapping[int, set[int]], combination: Row
 ) -> tuple[int, set[int]] | None:
-    """(Residual to replace, derivatives that vanish with it); None where the invariant should not be used."""
+    """(Residual to replace, derivatives that vanish with it); None if the invariant is not to be used."""
     pool = reduced.pool
     if len(weights) < 2 or not all(_starts_at_zero(reduced, pool.integral_of[d]) for d in weights):
         return None
@@ -156,8 +160,8 @@ def _choose(
         others = {s for e, s in signs.items() if e != d}
         if len(others) > 1 or (others == {signs[d]} and len(weights) > 2):
             continue
-        where = occurrences[d]
-        if len(where) == 1 and (equation := next(iter(where))) in combination:
+        users = occurrences[d]
+        if len(users) == 1 and (equation := next(iter(users))) in combination:
             return equation, {e for e in weights if occurrences[e] == {equation}}
     return None
 
@@ -171,17 +175,17 @@ def _starts_at_zero(reduced: ReducedSystem, variable: int) -> bool:
 
 
 def _occurrences(reduced: ReducedSystem) -> dict[int, set[int]]:
-    """Residuals that contain each derivative; -1 for any other use."""
+    """Indices of the residuals that contain each derivative; -1 stands for any other use."""
     pool = reduced.pool
-    found: dict[int, set[int]] = {d: set() for d in pool.integral_of}
+    residuals_with: dict[int, set[int]] = {d: set() for d in pool.integral_of}
     for i, residual in enumerate(reduced.residuals):
-        for v in pool.variables_in(residual) & found.keys():
-            found[v].add(i)
-    for v in pool.variables_in(*reduced.image, *reduced.initial, *reduced.event_nodes) & found.keys():
-        found[v].add(-1)
-    for v in found.keys() & pool.derivative_of.keys():
-        found[v].add(-1)  # differentiated again
-    return found
+        for v in pool.variables_in(residual) & residuals_with.keys():
+            residuals_with[v].add(i)
+    for v in pool.variables_in(*reduced.image, *reduced.initial, *reduced.event_nodes) & residuals_with.keys():
+        residuals_with[v].add(-1)
+    for v in residuals_with.keys() & pool.derivative_of.keys():
+        residuals_with[v].add(-1)  # differentiated again
+    return residuals_with
 
 
 def _sum(pool: Pool, weights: Row) -> int:
@@ -189,7 +193,7 @@ def _sum(pool: Pool, weights: Row) -> int:
 
 
 def _without(reduced: ReducedSystem, dropped: set[int]) -> ReducedSystem:
-    """The system in a new pool, without variables that no equation contains any more."""
+    """The system in a new pool, without the `dropped` variables, which no equation contains any more."""
     old = reduced.pool
     kept = [v for v in range(old.n_variables) if v not in dropped]
     number = {v: k for k, v in enumerate(kept)}

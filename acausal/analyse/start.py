@@ -1,4 +1,4 @@
-"""Start problem of a model as data: conditions that hold at the start, and states that they leave undetermined."""
+"""The start problem: conditions that hold at the start, and the states that they leave undetermined."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ class Condition:
     text: str
     where: tuple[Span, ...]
     scalar: int | None = None
-    """The flat scalar whose declared start it is; None for an equation."""
+    """The flat scalar whose declared start this is; None for an equation."""
 
 
 @dataclass(frozen=True, eq=False)
 class StartProblem:
-    """Start values, and conditions for the others."""
+    """Explicit start values, and conditions for the other states."""
 
     direct: dict[int, int]  # states with explicit start values: variable -> node of parameters
     # Other conditions, solved for the remaining states together with the algebraic variables.
     conditions: tuple[Condition, ...]
-    # Redundant conditions, for which no state is left; they must be satisfied by the solution.
+    # Redundant conditions, for which no state is left; the solution must satisfy them.
     surplus: tuple[Condition, ...]
-    defaulted: tuple[int, ...]  # undetermined states: they start at their guess, which is reported
+    defaulted: tuple[int, ...]  # undetermined states, which start at their guesses; a note reports them
     guesses: dict[int, int]  # variable (state or algebraic) -> node of parameters where its iteration starts
 
 
@@ -57,7 +57,7 @@ def start_problem(solution: Solution) -> StartProblem:
             given.append(_condition(reduced, scalar, start))
     for e, node in solution.structure.invariants:
         source = reduced.flat.equations[solution.structure.flat_equation(e)]
-        given.append(Condition(node, _level(solution, e, reduced.flat.text(source)), span_of(source)))
+        given.append(Condition(node, _derivative_text(solution, e, reduced.flat.text(source)), span_of(source)))
     for equation, node in zip(reduced.flat.initial_equations, reduced.initial, strict=True):
         given.append(Condition(node, reduced.flat.text(equation), span_of(equation)))
     open_states = [x for x in states if x not in direct]
@@ -66,7 +66,7 @@ def start_problem(solution: Solution) -> StartProblem:
 
 
 def _guesses(reduced: ReducedSystem) -> dict[int, int]:
-    """Declared guesses; of several for one variable that of the outermost alias, then the first alphabetically."""
+    """Declared guesses; if a variable has several, that of the outermost alias, then the first in the alphabet."""
     guesses: dict[int, int] = {}
     declared = [s for s, start in reduced.flat.starts.items() if not start.is_fixed]
     names = {s: reduced.flat.scalar_name(s) for s in declared}
@@ -77,7 +77,7 @@ def _guesses(reduced: ReducedSystem) -> dict[int, int]:
     return guesses
 
 
-def _level(solution: Solution, equation: int, text: str) -> str:
+def _derivative_text(solution: Solution, equation: int, text: str) -> str:
     """Text of a constraint, or of its first or second derivative: `d/dt (x ** 2 + y ** 2 == 1)`."""
     times = 0
     while equation in solution.structure.integral:
@@ -99,7 +99,7 @@ def _variable_and_value(reduced: ReducedSystem, scalar: int, start: FlatStart) -
 
 
 def imported(reduced: ReducedSystem, node: int) -> int:
-    """A node of parameters, from the flat pool into the reduced one."""
+    """Copy a node of parameters from the flat pool to the reduced one."""
     old, new = reduced.flat.pool, reduced.pool
     done: dict[int, int] = {}
     for number in old.reachable([node]):
@@ -122,7 +122,7 @@ def _condition(reduced: ReducedSystem, scalar: int, start: FlatStart) -> Conditi
 def _assign(
     solution: Solution, given: list[Condition], open_states: list[int], guesses: dict[int, int]
 ) -> tuple[list[Condition], list[Condition], list[int]]:
-    """Match conditions with open states; states without a declared guess are used first."""
+    """Match conditions with open states, those without a declared guess first: (used, surplus, defaulted)."""
     if not given and not open_states:
         return [], [], []
     dependence = Dependence(solution)
@@ -131,8 +131,8 @@ def _assign(
     fewest = max(len(solution.algebraic) + sum(x not in guesses for x in open_states), min(len(rows), len(order)))
 
     def matching(count: int) -> IntArray:
-        place = {v: k for k, v in enumerate(order[:count])}
-        return match(Incidence.from_rows([[place[v] for v in row if v in place] for row in rows], count))
+        column_of = {v: k for k, v in enumerate(order[:count])}
+        return match(Incidence.from_rows([[column_of[v] for v in row if v in column_of] for row in rows], count))
 
     # bisection: if the first `count` variables suffice for all rows, more do too
     count = len(order)
@@ -148,15 +148,15 @@ def _assign(
 
 
 class Dependence:
-    """Dependence of nodes on states and algebraic variables, through the definitions."""
+    """Dependence of nodes on states, inputs and algebraic variables, through the definitions."""
 
     def __init__(self, solution: Solution) -> None:
         self.pool = solution.structure.reduced.pool
         self.inputs = solution.structure.reduced.inputs
         self.definition = dict(solution.definitions)
 
-    def behind(self, node: int) -> list[int]:
-        """All nodes that a node depends on, also through definitions, in evaluation order."""
+    def nodes_behind(self, node: int) -> list[int]:
+        """All nodes that a node depends on, definitions included, in evaluation order."""
         variables = self.pool.variables_behind([node], self.definition)
         return self.pool.reachable([node, *(self.definition[v] for v in variables if v in self.definition)])
 

@@ -264,7 +264,7 @@ def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
         rate = dependence.pool.var(solution.structure.derivative(x))
         if x in used or dependence.of(rate) - set(dependence.inputs):
             return False
-        nodes = dependence.behind(rate)
+        nodes = dependence.nodes_behind(rate)
         return not steep(dependence.pool, solution.structure.points, nodes, Moving(dependence.pool, discrete)).arguments
 
     states = tuple(x for x in solution.structure.states if x not in discrete)

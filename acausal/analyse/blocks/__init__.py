@@ -1,1 +1,1 @@
-"""Blocks solved as far as symbols go."""
+"""Symbolic solution of the blocks of the block lower triangular form."""

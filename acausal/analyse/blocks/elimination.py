@@ -6,17 +6,18 @@ sample points. On the flat equations of a tree-structured mechanism this recover
 algorithm, linear in the number of bodies; tearing to a dense core does not.
 
 Where no single pivot is safe, two equations are solved for two unknowns if the determinant keeps its sign: equations of
-motion with constraints are an indefinite system, which needs 2x2 pivots. Where a joint's equations are resolved in
-other axes than its forces, as for a ball joint, it takes 3x3 pivots. What remains is left to the DAE solver, except a
-last unknown that occurs in one equation only.
+motion with constraints are an indefinite system, which needs 2x2 pivots. Where the equations of a joint are resolved in
+other axes than its forces, as for a ball joint, 3x3 pivots are needed. The remaining equations are left to the DAE
+solver, except that one with a single unknown, which occurs nowhere else, is solved for it.
 
 Markowitz's rule considers one pivot at a time. In a mechanism it eliminates cheap unknowns of bodies in the middle, and
-what remains couples both neighbours: the operations per body grow with their number. From the leaves of a tree to its
-root every pivot affects the next body only, so that they do not grow. Distances in the graph of equations and unknowns
-order leaves before the root without knowledge of bodies: in a tree, the unknowns at one distance separate those further
-out from the rest, whichever root is chosen, and branches are independent. Near the base of a mechanism Markowitz's rule
-is better: few joints move the first bodies, and expressing them in joint accelerations is cheaper than 6x6 inertias.
-Therefore one order weighs distance against count instead of following it.
+the remainder couples both neighbours, so that the operations per body grow with the number of bodies. From the leaves
+of a tree to its root every pivot affects the next body only, and the operations per body stay constant. Distances in
+the graph of equations and unknowns order leaves before the root without knowledge of bodies: in a tree, the unknowns at
+one distance separate those further out from the rest, whichever root is chosen, and branches are independent. Near the
+base of a mechanism Markowitz's rule is better: few joints move the first bodies, and expressing them in joint
+accelerations is cheaper than 6x6 inertias. Therefore one order weighs distance against Markowitz's count instead of
+following distance alone.
 
 Source: D. J. Rose, Triangulated graphs and the elimination process, J. Math. Anal. Appl. 32 (1970) 597-609 (leaves of a
 tree first is a perfect order); H. M. Markowitz, The elimination form of the inverse, Management Science 3 (1957)
@@ -39,22 +40,21 @@ from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
-_MOST = 20_000  # largest number of candidates for 2x2 pivots
-_CLOSE = 6  # number of rows, and of variables, from which 3x3 pivots are chosen
-_SHORT = 32  # longest row of which all entries are offered again when one changes
-_LONG = 20_000  # products allowed for an order when the best so far leaves rows unsolved
-_SLACK = 1.2  # ratio of products up to which an order may still have the fewest operations
-_ROUNDING = 2e-14  # of constants that cancel: a hundred times the rounding of one operation
-_PENALTY = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count by `safety`: dividing by a constant is cheaper and safer
+_MOST_PAIRS = 20_000  # largest number of candidates for 2x2 pivots
+_MOST_ALIKE = 6  # 3x3 pivots are chosen from this many rows, and variables, of each group
+_SHORT_ROW = 32  # longest row of which all entries are offered again when one changes
+_MOST_PRODUCTS = 20_000  # products allowed for an order if the cheapest so far leaves rows unsolved
+_PRODUCT_RATIO = 1.2  # an order with more products than this times the cheapest is given up
+_ROUNDING = 2e-14  # constants that differ by less, relatively, are equal: 100 times the rounding error of one operation
+_PENALTIES = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count, by rank: constants are cheaper and safer divisors
 
 
 @dataclass(frozen=True)
 class Eliminated:
     """Result of an elimination.
 
-    `solved` lists (variable, node) in the order of evaluation; `left_variables` have no safe pivot and are determined
-    by
-    `left_residuals`. `empty` lists (row, node) for rows without unknowns left, whose node must be zero.
+    `solved` lists (variable, node) in the order of evaluation. `left_variables` have no safe pivot; `left_residuals`
+    determine them. `empty` lists (row, node) for rows in which no unknown is left, so that the node must be zero.
     """
 
     solved: tuple[tuple[int, int], ...]
@@ -83,21 +83,32 @@ def eliminate(
     differentiated: Sequence[int] = (),
     rates: Collection[int] = (),
 ) -> Eliminated:
-    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v, in the order that leaves fewest rows, then costs least.
+    """Solve `sum(rows[i][v] * v) + rests[i] == 0` for all v.
 
-    `differentiated` are the indices of rows that were differentiated from constraints. `rates` are the variables that
-    are integrated: operations that they do not need are not counted.
+    Of several orders, use the one that leaves the fewest rows, then the cheapest. `differentiated` are the indices of
+    rows that were differentiated from constraints. `rates` are the variables that are integrated: operations that they
+    do not need are not counted.
     """
-    best: _Work | None = None
+    cheapest: _Work | None = None
     for order in orders(rows, differentiated):
         work = _Work(points, rows, rests, order)
-        most = inf if best is None else max(order.most, _LONG) if best.left else min(order.most, _SLACK * best.products)
+        most = (
+            inf
+            if cheapest is None
+            else max(order.most, _MOST_PRODUCTS)
+            if cheapest.left
+            else min(order.most, _PRODUCT_RATIO * cheapest.products)
+        )
         if not work.run(most):
             continue
-        if best is None or work.left < best.left or (work.left == best.left and work.cost(rates) < best.cost(rates)):
-            best = work
-    assert best is not None, "there is always an order"
-    return best.result()
+        if (
+            cheapest is None
+            or work.left < cheapest.left
+            or (work.left == cheapest.left and work.cost(rates) < cheapest.cost(rates))
+        ):
+            cheapest = work
+    assert cheapest is not None, "there is always an order"
+    return cheapest.result()
 
 
 class _Work:
@@ -110,7 +121,7 @@ class _Work:
     ) -> None:
         self.points = points
         self.order = order
-        self.products = 0  # of coefficients, computed so far
+        self.products = 0  # number of products of coefficients so far
         self.pool: Pool = points.reduced.pool
         self.rows = [{v: c for v, c in row.items() if c != self.pool.zero} for row in rows]
         self.rests = list(rests)
@@ -121,10 +132,10 @@ class _Work:
         self.variables = set().union(*rows) if rows else set()
         self.active = set(range(len(self.rows)))
         self.pivots: list[Pivot] = []
-        self.fresh = set(self.active), set(self.active)  # rows not yet examined for 2x2 and for 3x3 pivots
+        self.unexamined = set(self.active), set(self.active)  # rows not yet examined for 2x2 and for 3x3 pivots
         self._safety: dict[int, int | None] = {}
         self._sampled: dict[int, Samples] = {}
-        self.offered: dict[int, int] = {}  # length of a row when all its entries were offered
+        self.length_when_offered: dict[int, int] = {}  # length of a row when all its entries were offered
         self.heap: list[tuple[float, int, int, int]] = []
         for i, row in enumerate(self.rows):
             for v, c in row.items():
@@ -136,7 +147,7 @@ class _Work:
         rank = self._safety[c]
         if rank is None:
             return None
-        count = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1) + _PENALTY[rank]
+        count = (len(self.rows[i]) - 1) * (len(self.columns[v]) - 1) + _PENALTIES[rank]
         return self.order.cost(i, v, count)
 
     def _offer(self, i: int, v: int, c: int) -> None:
@@ -150,7 +161,7 @@ class _Work:
         return len(self.active)
 
     def cost(self, rates: Collection[int]) -> int:
-        """Number of operations of the solution that rates and residuals need."""
+        """Number of operations that the rates and residuals need."""
         done = self.result()
         nodes = dict(done.solved)
         wanted = [nodes[v] for v in nodes if v in rates] or list(nodes.values())
@@ -158,22 +169,22 @@ class _Work:
         return operations(self.points, [*wanted, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
 
     def run(self, most: float = inf) -> bool:
-        """Eliminate with 1x1 pivots while there are any, else 2x2 or 3x3; False when that takes too many products."""
+        """Eliminate with 1x1 pivots as long as there are any, else 2x2 or 3x3; False after too many products."""
         while self._single_pivots(most):
-            several = self._block_pivot()
-            if several is None:
+            block_pivot = self._block_pivot()
+            if block_pivot is None:
                 for i in sorted(self.active):
                     self._solve_isolated(i)
                 return True
-            self._pivot(*several)
+            self._pivot(*block_pivot)
         return False
 
     def _solve_isolated(self, i: int) -> None:
-        """Solve a row for its only unknown that occurs in no other row, as no better pivot can appear.
+        """Solve a row for its only unknown if that occurs in no other row, so that no better pivot can appear.
 
-        The pivot only has to be nonzero. Between a closed and an open switch it changes by the ratio of their
-        conductances, 1e9, which does not make it unsafe; for a resistor that heats itself it changes sign at sample
-        points with a temperature below zero. If it vanishes in a run, Newton's method would find no solution either.
+        Here the pivot only has to be nonzero. Between a closed and an open switch it changes by the ratio of their
+        conductances, 1e9, without being unsafe; for a resistor that heats itself it changes sign at sample points with
+        a temperature below zero. If it vanishes in a run, Newton's method would find no solution either.
         """
         if len(self.rows[i]) == 1:
             (v, c), *_ = self.rows[i].items()
@@ -198,8 +209,8 @@ class _Work:
         return True
 
     def _block_pivot(self) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
-        """The cheapest safe 2x2 pivot, else 3x3; None without any."""
-        pairs, triples = self.fresh
+        """Rows and variables of the cheapest safe 2x2 pivot, else 3x3; None if there is none."""
+        pairs, triples = self.unexamined
         pivot = min(self._pairs(pairs), default=None)
         if pivot is not None:
             return pivot[1:]
@@ -210,12 +221,14 @@ class _Work:
         triples.clear()
         return None
 
-    def _pairs(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
-        """(Fill-in, two rows, two shared columns) of safe 2x2 pivots; with a zero entry a 1x1 pivot would do."""
-        left = _MOST
+    def _pairs(self, unexamined: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
+        """(Fill-in, two rows, two columns) of safe 2x2 pivots; in columns with a zero entry a 1x1 pivot would do."""
+        left = _MOST_PAIRS
         for i in sorted(self.active):
             row = self.rows[i]
-            for j in sorted({j for v in row for j in self.columns[v] if j > i and (i in fresh or j in fresh)}):
+            for j in sorted(
+                {j for v in row for j in self.columns[v] if j > i and (i in unexamined or j in unexamined)}
+            ):
                 shared = sorted(v for v in row if v in self.rows[j])
                 left -= len(shared) * (len(shared) - 1) // 2
                 width = len(row.keys() | self.rows[j].keys()) - 2
@@ -231,17 +244,17 @@ class _Work:
             self._sampled[node] = self.points.everywhere(node)
         return self._sampled[node]
 
-    def _triples(self, fresh: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
+    def _triples(self, unexamined: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
         """(Fill-in, three rows, three columns) for variables that occur in the same rows, like vector components."""
         groups: dict[frozenset[int], list[int]] = {}
         for v in sorted(set().union(*(self.rows[i] for i in self.active))):
             groups.setdefault(frozenset(self.columns[v]), []).append(v)
         for beside, members in groups.items():
-            for rows in combinations(sorted(beside)[:_CLOSE], 3):
-                if fresh.isdisjoint(rows):
+            for rows in combinations(sorted(beside)[:_MOST_ALIKE], 3):
+                if unexamined.isdisjoint(rows):
                     continue
                 width = len(set().union(*(self.rows[i] for i in rows))) - 3
-                for variables in combinations(members[:_CLOSE], 3):
+                for variables in combinations(members[:_MOST_ALIKE], 3):
                     yield width * (len(beside) - 3), rows, variables
 
     def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
@@ -257,8 +270,8 @@ class _Work:
 
     def _substitute(self, j: int, pivot: Pivot) -> None:
         pool, other = self.pool, self.rows[j]
-        for fresh in self.fresh:
-            fresh.add(j)
+        for unexamined in self.unexamined:
+            unexamined.add(j)
         changed: set[int] = set()
         factors = pivot.factors([other.pop(v, pool.zero) for v in pivot.variables])
         for i, factor in zip(pivot.rows, factors, strict=True):
@@ -277,8 +290,8 @@ class _Work:
             self.rests[j] = pool.sub(self.rests[j], pool.mul(factor, self.rests[i]))
         # Entries cost less when their row gets shorter. Offering all of them at every change of a long row, such as the
         # flow balance of a node with many connections, would be quadratic in its length.
-        if len(other) <= _SHORT or len(other) < 0.9 * self.offered.get(j, 2 * len(other)):
-            self.offered[j] = len(other)
+        if len(other) <= _SHORT_ROW or len(other) < 0.9 * self.length_when_offered.get(j, 2 * len(other)):
+            self.length_when_offered[j] = len(other)
             for w, c in other.items():
                 self._offer(j, w, c)
         else:
@@ -286,7 +299,7 @@ class _Work:
                 self._offer(j, w, other[w])
 
     def _difference(self, a: int, b: int) -> int:
-        """`a - b`; zero for constants that cancel to rounding: 4e-16 is no pivot."""
+        """`a - b`; zero for constants that are equal up to rounding errors, because 4e-16 is no pivot."""
         pool = self.pool
         left, right = pool.value(a), pool.value(b)
         if left is not None and right is not None and abs(left - right) <= _ROUNDING * (abs(left) + abs(right)):
@@ -319,7 +332,7 @@ class _Work:
 
 
 def operations(points: SamplePoints, roots: Iterable[int]) -> int:
-    """Number of operations below `roots` that depend on variables or time and have no zero operand."""
+    """Number of operations below `roots` that depend on variables or time, without those that a zero makes trivial."""
     pool = points.reduced.pool
     nodes = pool.nodes
     zero: set[int] = set()
@@ -334,12 +347,12 @@ def operations(points: SamplePoints, roots: Iterable[int]) -> int:
             elif value is None:
                 varying.add(number)
             continue
-        gone = [b in zero for b in below]
-        if (op in ("mul", "div") and (gone[0] or (op == "mul" and gone[1]))) or (op in _SUMS and all(gone)):
+        is_zero = [b in zero for b in below]
+        if (op in ("mul", "div") and (is_zero[0] or (op == "mul" and is_zero[1]))) or (op in _SUMS and all(is_zero)):
             zero.add(number)
         elif any(b in varying for b in below):
             varying.add(number)
-            count += op not in ("add", "sub") or not any(gone)
+            count += op not in ("add", "sub") or not any(is_zero)
     return count
 
 
@@ -364,7 +377,7 @@ class Distances:
 
 
 def distances(rows: Sequence[Collection[int]], root: int) -> Distances:
-    """Distances from the row `root`; `rows` list their variables. Anything not connected to it has distance 0."""
+    """Distances from row `root` for rows given by their variables; whatever is not connected to it has distance 0."""
     columns: dict[int, list[int]] = {}
     for i, row in enumerate(rows):
         for v in row:
@@ -384,9 +397,9 @@ def distances(rows: Sequence[Collection[int]], root: int) -> Distances:
 
 @dataclass(frozen=True)
 class Order:
-    """Pivots by Markowitz's count, reduced by `weight` times their distance from the root.
+    """An order of pivots: by Markowitz's count, reduced by `weight` times the distance from the root.
 
-    `most` is the number of products allowed for trying it after another order has solved all rows.
+    `most` is the number of products that may be spent on it once another order has solved all rows.
     """
 
     distances: Distances | None
@@ -401,8 +414,8 @@ class Order:
 def orders(rows: Sequence[Collection[int]], differentiated: Sequence[int]) -> list[Order]:
     """Orders worth trying, the most promising first.
 
-    `differentiated` are rows that come from constraints between coordinates. What stands on the ground has the
-    shortest of them: the ground does not move.
+    `differentiated` are rows that come from constraints between coordinates. The shortest of them belongs to a
+    component attached to the ground, which does not move; it is the root of the distances.
     """
     markowitz = Order(None, 0.0, _SEARCH)
     if len(rows) < _SMALL:
@@ -416,7 +429,7 @@ def orders(rows: Sequence[Collection[int]], differentiated: Sequence[int]) -> li
 
 _SMALL = 8
 _SEARCH = 3_000
-_STRICT = 1e6  # more than any count
+_STRICT = 1e6  # exceeds any count, so that distance alone decides
 _BALANCED = 10.0
-"""Products that a step outward is worth: for chains of 8 to 32 hinges 12 % more operations than the strict order, for
-binary trees of as many a quarter less."""
+"""Number of products that one step outward outweighs. Compared with the strict order, this costs chains of 8 to 32
+hinges 12 % more operations, and saves a quarter of them in binary trees of the same size."""

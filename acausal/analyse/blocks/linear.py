@@ -1,4 +1,4 @@
-"""Symbolic linear forms of pool expressions: e = rest + sum coefficient[v] * v."""
+"""Symbolic linear forms of pool expressions: e = rest + sum of coefficient[v] * v."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def linear_in(pool: Pool, root: int, variable: int) -> Linear | None:
 
 
 class LinearForm:
-    """Decomposes expressions with respect to a set of variables; shared sub-expressions only once."""
+    """Linear forms of expressions in a set of variables; shared sub-expressions are decomposed only once."""
 
     def __init__(self, pool: Pool, variables: Collection[int]) -> None:
         self.pool = pool
@@ -32,9 +32,9 @@ class LinearForm:
         nodes = self.pool.nodes
         if len(self.variables) == 1 and (explicit := self._explicit(root)) is not None:
             return explicit
-        few = self.pool.reachable([root], done)
-        if len(few) <= LONG:  # too few nodes to contain a long sum
-            for number in few:
+        unvisited = self.pool.reachable([root], done)
+        if len(unvisited) <= LONG:  # too few nodes to contain a long sum
+            for number in unvisited:
                 node = nodes[number]
                 if node[0] in LEAVES:
                     done[number] = self._leaf(number, node)
@@ -67,7 +67,7 @@ class LinearForm:
         return done[root]
 
     def _explicit(self, root: int) -> Linear | None:
-        """Shortcut of `of` for `variable - expression` and the like, the form of most equations of large models."""
+        """Shortcut of `of` for `variable - expression` and similar, the form of most equations of large models."""
         pool = self.pool
         op, *sides = pool.nodes[root]
         if op not in ("add", "sub"):
@@ -132,8 +132,8 @@ class LinearForm:
             return None
         if op == "homotopy":
             (a, of_a), (s, of_s) = known
-            both = {*of_a, *of_s}
-            mixed = {v: pool.make(op, of_a.get(v, pool.zero), of_s.get(v, pool.zero)) for v in both}
+            variables = {*of_a, *of_s}
+            mixed = {v: pool.make(op, of_a.get(v, pool.zero), of_s.get(v, pool.zero)) for v in variables}
             return pool.make(op, a, s), mixed
         if op == "div" and not known[1][1]:
             d = known[1][0]
@@ -154,6 +154,6 @@ class LinearForm:
         if condition is None or condition[1] or a is None or b is None:
             return None
         c = pool.nodes[number][1]
-        both = {*a[1], *b[1]}
-        total = {v: pool.where(c, a[1].get(v, pool.zero), b[1].get(v, pool.zero)) for v in both}
+        variables = {*a[1], *b[1]}
+        total = {v: pool.where(c, a[1].get(v, pool.zero), b[1].get(v, pool.zero)) for v in variables}
         return pool.where(c, a[0], b[0]), total

@@ -14,7 +14,7 @@ _CANCELLED = 1e-6  # smallest ratio of a determinant to the sum of the magnitude
 
 
 def keeps_sign(samples: Samples) -> bool:
-    """Whether a sampled quantity, shape (K,), has one sign and stays away from zero, ignoring nan and inf."""
+    """Whether a sampled quantity, shape (K,), has one sign and stays away from zero; nan and inf are ignored."""
     samples = samples[np.isfinite(samples)]
     if len(samples) < 4:
         return False
@@ -35,22 +35,22 @@ class Pivot:
         first = (pool.mul(a, c) for a, c in zip(self.entries[0], self.cofactors[0], strict=True))
         self.determinant = pool.sum(first)
 
-    def factors(self, taken: Sequence[int]) -> list[int]:
-        """Factors of the pivot rows that eliminate the pivot variables, with coefficients `taken`, from another row."""
+    def factors(self, coefficients: Sequence[int]) -> list[int]:
+        """Factors of the pivot rows that eliminate the pivot variables from a row with these `coefficients`."""
         pool = self.pool
-        if len(taken) == 1:
-            # A pivot is not zero, so equal coefficients cancel exactly.
-            if taken[0] == self.determinant:
+        if len(coefficients) == 1:
+            # A pivot is never zero, so equal coefficients cancel exactly.
+            if coefficients[0] == self.determinant:
                 return [pool.one]
-            if taken[0] == pool.neg(self.determinant):
+            if coefficients[0] == pool.neg(self.determinant):
                 return [pool.neg(pool.one)]
         return [
-            pool.div(pool.sum(pool.mul(t, c) for t, c in zip(taken, row, strict=True)), self.determinant)
+            pool.div(pool.sum(pool.mul(t, c) for t, c in zip(coefficients, row, strict=True)), self.determinant)
             for row in self.cofactors
         ]
 
     def solved(self, totals: Sequence[int]) -> list[int]:
-        """Solutions for the pivot variables, where `totals` are the rows without the terms of these."""
+        """Solutions for the pivot variables; `totals` are the rows without the terms of these variables."""
         pool = self.pool
         columns = zip(*self.cofactors, strict=True)
         sums = (pool.sum(pool.mul(c, t) for c, t in zip(column, totals, strict=True)) for column in columns)
@@ -79,12 +79,12 @@ def determinant(entries: Sequence[Sequence[Samples]]) -> tuple[Samples, Samples]
 
 
 def is_safe(total: Samples, size: Samples) -> bool:
-    """Whether a determinant keeps its sign and its terms do not cancel to rounding errors."""
+    """Whether a determinant keeps its sign and is more than the rounding errors of terms that cancel."""
     return keeps_sign(total) and bool(np.nanmin(np.abs(total) / size) > _CANCELLED)
 
 
 def safe_pairs(first: Sequence[Samples], second: Sequence[Samples]) -> list[tuple[int, int]]:
-    """Pairs of columns of two rows whose determinant is safe; vectorised, because most pairs are not."""
+    """Pairs of columns of two rows whose determinant is safe; vectorised, because most pairs are unsafe."""
     a, b = np.array(first), np.array(second)
     with np.errstate(all="ignore"):
         products = a[:, None, :] * b[None, :, :]

@@ -1,7 +1,7 @@
 """Symbolic solution of the blocks: every unknown becomes an expression, or is left to the solver.
 
-Definitions are pool nodes in evaluation order; what remains are the algebraic variables `z` of a semi-explicit DAE with
-as many residuals.
+Definitions are pool nodes in evaluation order. The remaining unknowns are the algebraic variables `z` of a
+semi-explicit DAE, with as many residuals.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from acausal.structure import Block, Incidence, tear
 
 @dataclass(frozen=True)
 class BlockReport:
-    """One block: unknowns, iterated unknowns, and its kind "explicit", "linear", "monotone", "torn" or "dae"."""
+    """One block: all unknowns, the iterated ones, and its kind "explicit", "linear", "monotone", "torn" or "dae"."""
 
     unknowns: tuple[int, ...]
     iterated: tuple[int, ...]
@@ -31,7 +31,7 @@ class BlockReport:
 
 @dataclass(frozen=True)
 class Monotone:
-    """A variable that is solved for inside the equations: its residual, and the start value of Newton's method."""
+    """A variable that is solved for inside the equations: its residual, and the start value `low` of the iteration."""
 
     variable: int
     residual: int
@@ -45,7 +45,7 @@ class Solution:
     structure: Structure
     # (variable, node) in evaluation order; nodes may refer to states, inputs, `algebraic` and earlier definitions.
     definitions: tuple[tuple[int, int], ...]
-    # `algebraic`, `residuals`: the unknowns left to the DAE solver, and as many nodes that must be zero.
+    # The unknowns left to the DAE solver, and as many nodes that must be zero.
     algebraic: tuple[int, ...]
     residuals: tuple[int, ...]
     # Variables on which the rates of the states or the residuals depend; all others are observed.
@@ -68,9 +68,9 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
     Parameters
     ----------
     formulation
-        "torn" solves blocks symbolically as far as possible; "dae" leaves every unknown of every block with more than
-        one unknown to the DAE solver, with its original equations, except blocks with a variable declared monotone; a
-        model without states is always torn.
+        "torn" solves blocks symbolically as far as possible. "dae" leaves all unknowns of every block with more than
+        one unknown to the DAE solver, with their original equations, except in blocks with a variable declared
+        monotone. A model without states is always torn.
 
     Raises
     ------
@@ -96,14 +96,14 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
 
 
 class _Work:
-    def __init__(self, structure: Structure, whole: bool) -> None:
+    def __init__(self, structure: Structure, keep_blocks: bool) -> None:
         self.structure = structure
         self.pool = structure.reduced.pool
         self.points = structure.points
-        self.whole = whole
+        self.keep_blocks = keep_blocks
         self.rates = {structure.derivative(x) for x in structure.states}
-        # By scalar, as any of several connected variables may carry the declaration.
-        self.above = {
+        # By flat scalar, because any of several connected variables may carry the declaration.
+        self.lower_limits = {
             v.first + k: v.declaration.monotone_above
             for v in structure.reduced.flat.variables
             if v.declaration.monotone_above is not None
@@ -114,10 +114,9 @@ class _Work:
         self.residuals: list[int] = []
         self.reports: list[BlockReport] = []
         self.monotone: list[Monotone] = []
-        self.hidden: HiddenConstraint | HiddenCombination | None = (
-            None  # hidden constraints of the blocks examined so far
-        )
-        self.left: set[int] = set()  # unknowns of blocks that were postponed
+        # Hidden constraints of the blocks examined so far.
+        self.hidden: HiddenConstraint | HiddenCombination | None = None
+        self.postponed: set[int] = set()  # unknowns of blocks that were postponed
 
     def define(self, variable: int, node: int) -> None:
         self.definitions.append((variable, node))
@@ -126,10 +125,13 @@ class _Work:
     def solve_or_postpone(self, block: Block) -> None:
         """Solve a block; postpone blocks with hidden constraints, and those that depend on them, to the next analysis.
 
-        A ladder of sixty sections has a hidden constraint in each: all are found before the analysis is repeated.
+        A ladder of sixty sections has a hidden constraint in each section. All are collected before the analysis is
+        repeated, once instead of sixty times.
         """
-        if self.left and self.left & self.pool.variables_in(*(self.structure.residuals[r] for r in block.rows)):
-            self.left.update(block.columns)
+        if self.postponed and self.postponed & self.pool.variables_in(
+            *(self.structure.residuals[r] for r in block.rows)
+        ):
+            self.postponed.update(block.columns)
             return
         try:
             self.block(block)
@@ -140,12 +142,12 @@ class _Work:
                 self.hidden = error
             else:
                 raise
-            self.left.update(block.columns)
+            self.postponed.update(block.columns)
 
     def block(self, block: Block) -> None:
         if len(block.columns) == 1:
             self._single(block.rows[0], block.columns[0])
-        elif self.whole:
+        elif self.keep_blocks:
             self._whole(block)
         else:
             self._multiple(block)
@@ -203,7 +205,7 @@ class _Work:
         self.reports.append(BlockReport(block.columns, done.left_variables, "linear"))
 
     def _torn(self, block: Block) -> None:
-        """Tear a nonlinear block; a row can be solved for a column in which it is linear with a safe factor."""
+        """Tear a nonlinear block; a row can be solved for a column in which it is linear with a safe coefficient."""
         self._check_rank(block.rows, block.columns)
         place = {v: k for k, v in enumerate(block.columns)}
         residuals = [self.structure.residuals[r] for r in block.rows]
@@ -249,8 +251,8 @@ class _Work:
 
     def _monotone_above(self, variable: int) -> float | None:
         reduced = self.structure.reduced
-        own = (s for s in reduced.aliases.get(variable, ()) if reduced.image[s] == self.pool.var(variable))
-        return next((self.above[s] for s in own if s in self.above), None)
+        same_sign = (s for s in reduced.aliases.get(variable, ()) if reduced.image[s] == self.pool.var(variable))
+        return next((self.lower_limits[s] for s in same_sign if s in self.lower_limits), None)
 
     def _coefficient(self, residual: int, variable: int) -> int | None:
         form = linear_in(self.pool, residual, variable)
@@ -278,7 +280,7 @@ class _Work:
 
 
 def opened(solution: Solution) -> Solution:
-    """The solution with variables of monotone blocks as algebraic variables, after the iterated ones."""
+    """The solution with the variables of monotone blocks as algebraic variables, after the iterated ones."""
     searched = {m.variable for m in solution.monotone}
     definitions = tuple(d for d in solution.definitions if d[0] not in searched)
     residuals = (*solution.residuals, *(m.residual for m in solution.monotone))

@@ -1,1 +1,1 @@
-"""Events as data: relations of variables and of time, tables, and kinks that a solver must not step over."""
+"""Causes of events: relations of variables and of time, tables, and kinks that a solver must not step over."""

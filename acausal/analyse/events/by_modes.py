@@ -1,7 +1,8 @@
 """Kinks as branches on the relations that decide their side.
 
-`maximum(x, 0)` has one slope on each side, and at x = 1e-17 possibly that of the wrong one. A caller that
-differentiates on a stretch which begins or ends at a kink therefore takes the side from the mode of a relation.
+`maximum(x, 0)` has a different slope on each side, and at x = 1e-17 its derivative may be that of the wrong side. A
+caller that differentiates over a stretch which begins or ends at a kink therefore takes the side from the mode of a
+relation.
 """
 
 from __future__ import annotations
@@ -25,28 +26,28 @@ def by_modes(
     """Maps kinks below `roots`, and relations below `no_event`, to branches on relations.
 
     `located` are relations of the equations, `watched` those of kinks (`located_kinks.py`); `rewritten` maps nodes to
-    their replacements so far. Kinks that keep the argument of a root, power or quotient in its domain are unchanged.
+    their replacements so far. Kinks that keep the argument of a root, power or quotient in its domain stay unchanged.
     """
     domain_conditions = _domain_conditions(pool, roots, definitions)
-    own, done, branches = set(watched), dict(rewritten), dict[int, int]()
-    done |= {n: n for n in own}  # modes are identified by these nodes
-    known = sides(pool, (*located, *own))
+    watched_set, done, branches = set(watched), dict(rewritten), dict[int, int]()
+    done |= {n: n for n in watched_set}  # modes are identified by these nodes
+    side_of = sides(pool, (*located, *watched_set))
     pool.rewrite(located, pool.var, done)
     for number in pool.reachable(roots):
-        if number in rewritten or number in own or number in domain_conditions or number in located:
+        if number in rewritten or number in watched_set or number in domain_conditions or number in located:
             continue
-        decision = deciding_relation(pool, number, known)
+        decision = deciding_relation(pool, number, side_of)
         if decision is None:
             continue
         relation, holds = decision
-        truth = done[relation] if holds else pool.make("not", done[relation])
+        branch = done[relation] if holds else pool.make("not", done[relation])
         op, *operands = pool.nodes[number]
         if op in KINKS:
             pool.rewrite(operands, pool.var, done)
             u, *rest = (done[n] for n in operands)
             v = rest[0] if rest else pool.neg(u)
-            truth = pool.where(truth, *((v, u) if op == "min" else (u, v)))
-        branches[number] = done[number] = truth
+            branch = pool.where(branch, *((v, u) if op == "min" else (u, v)))
+        branches[number] = done[number] = branch
     return branches
 
 
@@ -54,33 +55,36 @@ Sides = dict[tuple[int, int], tuple[int, bool]]
 
 
 def sides(pool: Pool, relations: Iterable[int]) -> Sides:
-    """Maps a pair of nodes (a, b) to (relation that decides a > b, whether a > b where it is true)."""
+    """Maps pairs of nodes (a, b) to (relation that decides a > b, whether a > b where that relation is true)."""
     found: Sides = {}
     for number in relations:
         op, *operands = pool.nodes[number]
-        # a < b is b > a, and a <= b is not a > b
+        # a < b means b > a, and a <= b the negation of a > b
         key = _compared(pool, *(operands if op in ("gt", "le") else reversed(operands)))
         found.setdefault(key, (number, op in ("gt", "lt")))
     return found
 
 
-def deciding_relation(pool: Pool, number: int, known: Sides) -> tuple[int, bool] | None:
-    """(Relation that decides the side of a kink, or the truth of a relation; for which value of it); None without."""
+def deciding_relation(pool: Pool, number: int, side_of: Sides) -> tuple[int, bool] | None:
+    """(Relation that decides the side of a kink or the value of a relation, deciding value); None if there is none.
+
+    With the deciding value, the first operand of a kink is larger (of `fabs`: positive), and a relation is true.
+    """
     op, *operands = pool.nodes[number]
     if op not in KINKS and op not in RELATIONS:
         return None
     a, b = operands if len(operands) == 2 else (operands[0], pool.zero)
     if op in RELATIONS:
-        decision = known.get(_compared(pool, *((a, b) if op in ("gt", "le") else (b, a))))
+        decision = side_of.get(_compared(pool, *((a, b) if op in ("gt", "le") else (b, a))))
         return decision if decision is None or op in ("gt", "lt") else (decision[0], not decision[1])
-    decision, other = known.get(_compared(pool, a, b)), known.get(_compared(pool, b, a))
+    decision, other = side_of.get(_compared(pool, a, b)), side_of.get(_compared(pool, b, a))
     return decision if decision is not None or other is None else (other[0], not other[1])
 
 
 def _domain_conditions(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> set[int]:
-    """Nodes on which arguments of partially defined functions depend, and conditions of branches with them."""
+    """Nodes that arguments of partially defined functions, and conditions of branches with these, depend on."""
     stack, partial = [], set[int]()
-    for number in pool.reachable(roots):  # operands come before
+    for number in pool.reachable(roots):  # operands precede their functions
         op, *operands = pool.nodes[number]
         if op in LEAVES:
             continue
@@ -109,7 +113,7 @@ def _is_total(pool: Pool, op: str, last: int) -> bool:
 
 
 def _compared(pool: Pool, a: int, b: int) -> tuple[int, int]:
-    """The two nodes compared by a relation: (a, b) also for a - b compared with zero."""
+    """The two nodes that a relation compares: (a, b) also if it compares a - b with zero."""
     a, b = (pool.nodes[n][1] if pool.nodes[n][0] == "noevent" else n for n in (a, b))
     for n, other in ((a, b), (b, a)):
         if other == pool.zero and pool.nodes[n][0] == "sub":

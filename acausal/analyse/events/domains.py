@@ -1,21 +1,22 @@
 """Branches of `where` and the domains of their functions: roots, powers, logarithms, quotients.
 
 `where(h < 0, k * (-h)**1.5, 0)` is a valid model, and both of its branches are part of one expression graph. The
-inactive one evaluates to nan, which the value never shows but every derivative does: 0 * nan. The active one is also
-evaluated slightly beyond its guard: by stages of a step that is rejected, by Newton iterates, and while its end is
-located.
+inactive branch evaluates to nan. The value of the model does not depend on that, but every derivative does, through
+0 * nan. The active branch, too, is evaluated slightly beyond its guard: by stages of a step that is later rejected, by
+Newton iterates, and while the end of the branch is located.
 
-Inside a branch, `f(q)` is therefore replaced by `f` where `q` is in its domain or the guard holds *now*, whatever the
-mode of the relation, and by an extension of `f` elsewhere. Recorded points satisfy their guards, so that no value of a
-result is an extension, and a branch that leaves its domain although its guard holds is nan, as before.
+Inside a branch, `f(q)` is therefore kept where `q` is in the domain of `f` or the guard holds at the point itself,
+whatever the mode of the relation, and replaced by an extension of `f` elsewhere. Recorded points satisfy their guards.
+Hence no value of a result is an extension, and a branch that leaves its domain although its guard holds is nan, as it
+would be without extensions.
 
-A node in several branches has one image, extended where none of their guards holds: a model grows by a constant factor,
-however deeply branches are nested. A node that is also needed outside branches is not changed. Neither is a branch
-whose guard is computed from variables that are defined later, after a mode has cut a cycle of definitions.
+A node in several branches has one image, extended where none of their guards holds, so that a model grows by a constant
+factor, however deeply branches are nested. A node that is also needed outside branches is not changed. Neither is a
+branch whose guard is computed from variables that are defined later, after a mode has cut a cycle of definitions.
 
-A power or a root of an expression that rests at zero, `maximum(f, 0.0)**1.3`, is defined there, but its second
-derivative is infinity times zero. There it is replaced by the number zero. Expressions that rest are a maximum or
-minimum with zero, or a branch that is zero, by themselves, as a factor, or as the definition of a variable.
+A power or a root of an expression that is zero over a range, such as `maximum(f, 0.0)**1.3`, is defined there, but its
+second derivative is infinity times zero. There it is replaced by the constant zero. Such an expression is a maximum or
+minimum with zero, or a branch that is zero; it may also be a factor, or the definition of a variable.
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 
 _OPPOSITE = {"lt": "ge", "le": "gt", "gt": "le", "ge": "lt"}
 _STRICT = {"lt": "lt", "le": "lt", "gt": "gt", "ge": "gt"}
-_LARGE = 600.0  # exp(600) is 4e260; its square, which derivatives may contain, overflows
+_LARGEST_EXPONENT = 600.0  # exp(600) is 4e260, and the exponentials are extended from there on
 _TINY = 1e-100
 _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div", "exp", "sinh", "cosh", "atan2"))
 _MODE_NODES = frozenset((*RELATIONS, "pre"))  # modes are identified by these nodes, inside and outside branches
 
 
 class _Guard(NamedTuple):
-    """Nodes that are true where a branch is active: `loose` includes points of equality of its relations, `strict` not.
+    """Nodes that are true where a branch is active: `loose` includes points where its relations are equalities.
 
     A function that is continuous up to the end of its domain but has no derivative there, such as the root, is extended
-    from that end on, so it needs the strict one.
+    from that end on, and therefore needs `strict`.
     """
 
     loose: int
@@ -51,7 +52,7 @@ def guarded(
     discrete: Mapping[int, int],
     definitions: Sequence[tuple[int, int]],
 ) -> dict[int, int]:
-    """Images of branches, powers and roots below `roots` that contain partially defined functions.
+    """Images of those branches, powers and roots below `roots` that contain partially defined functions.
 
     `done` has images of other nodes and receives those of all nodes below; `discrete` maps discrete variables to their
     definitions, `definitions` lists those of other variables in the order of evaluation.
@@ -62,7 +63,7 @@ def guarded(
         return {}
     roots += [node for _, node in definitions]
     pool.rewrite(roots, pool.var, done)
-    numbers = [n for n in numbers if n in done]  # nodes below one that has an image already are not needed
+    numbers = [n for n in numbers if n in done]  # others are needed only below nodes that already have an image
     extended = _Extensions(pool, discrete, definitions)
     if not any(extended.concerns(done[n]) for n in numbers):
         return {}
@@ -85,39 +86,41 @@ class _Extensions:
         self._latest: dict[int, int] = {}
 
     def concerns(self, number: int) -> bool:
-        """Whether a node may need an image: a branch with such functions, a power or root of a clamped expression."""
+        """Whether a node may need an image: a branch with partial functions, or a clamped power or root."""
         op, *operands = self.pool.nodes[number]
         if op == "where":
             return any(self._has_partial(n) for n in operands[1:])
         return op in ("pow", "sqrt") and self._is_clamped(op, operands)
 
     def images(self, roots: Mapping[int, int]) -> dict[int, int]:
-        """Images of all nodes below `roots`, which are given with their position in the order of evaluation."""
+        """Images of all nodes below `roots`, a map from root to its position in the order of evaluation."""
         pool, nodes = self.pool, self.pool.nodes
-        below = pool.reachable(roots)
-        guards = self._needs(below, roots)
+        nodes_below = pool.reachable(roots)
+        guards = self._required_guards(nodes_below, roots)
         done: dict[int, int] = {}
-        for number in below:
+        for number in nodes_below:
             op, *operands = nodes[number]
             if op in LEAVES or not self._has_partial(number):
                 done[number] = number
                 continue
-            own = [done[n] for n in operands]
+            operand_images = [done[n] for n in operands]
             guard = guards.get(number)
             if op in ("pow", "sqrt") and self._is_clamped(op, operands):
-                done[number] = _clamped(pool, op, own)
+                done[number] = _clamped(pool, op, operand_images)
             elif guard is not None and op in _PARTIAL and self._may_fail(op, operands):
-                done[number] = self._extension(op, own, guard)
+                done[number] = self._extension(op, operand_images, guard)
             else:
-                done[number] = number if own == operands else pool.make(op, *own)
+                done[number] = number if operand_images == operands else pool.make(op, *operand_images)
         return done
 
-    def _needs(self, below: Sequence[int], roots: Mapping[int, int]) -> dict[int, _Guard | None]:
+    def _required_guards(self, nodes_below: Sequence[int], roots: Mapping[int, int]) -> dict[int, _Guard | None]:
         """Guard under which each node is needed; None for always."""
         nodes = self.pool.nodes
         needed: dict[int, _Guard | None] = dict.fromkeys(roots)
         earliest = dict(roots)  # position of the first definition that needs a node
-        for number in reversed(below):  # operands have smaller numbers, so every use of a node is visited before it
+        for number in reversed(
+            nodes_below
+        ):  # operands have smaller numbers, so every use of a node is visited before it
             op, *operands = nodes[number]
             if op in LEAVES or not self._has_partial(number):
                 continue
@@ -125,14 +128,14 @@ class _Extensions:
             if guard is not None and self._known_from(guard) >= here:
                 guard = needed[number] = None
             if op == "where":
-                own = [
+                operand_guards = [
                     None,
                     self._branch(guard, operands[0], True, here),
                     self._branch(guard, operands[0], False, here),
                 ]
             else:
-                own = [None if op in _MODE_NODES else guard] * len(operands)
-            for operand, new in zip(operands, own, strict=True):
+                operand_guards = [None if op in _MODE_NODES else guard] * len(operands)
+            for operand, new in zip(operands, operand_guards, strict=True):
                 if operand not in needed:
                     needed[operand], earliest[operand] = new, here
                 else:
@@ -141,8 +144,8 @@ class _Extensions:
         return needed
 
     def _branch(self, outer: _Guard | None, condition: int, holds: bool, here: int) -> _Guard | None:
-        """Guard of a nested branch; only the outer guard where the condition is not yet computed."""
-        guard = _Guard(self._now(condition, holds, False), self._now(condition, holds, True))
+        """Guard of a nested branch; the outer guard alone if the condition is not yet computed at position `here`."""
+        guard = _Guard(self._at_this_point(condition, holds, False), self._at_this_point(condition, holds, True))
         if self._known_from(guard) >= here:
             return outer
         if outer is None:
@@ -167,20 +170,20 @@ class _Extensions:
 
     def _has_partial(self, root: int) -> bool:
         """Whether a node contains a partially defined function."""
-        known = self._is_partial
-        for number in () if root in known else self.pool.reachable([root], known):
+        is_partial = self._is_partial
+        for number in () if root in is_partial else self.pool.reachable([root], is_partial):
             op, *operands = self.pool.nodes[number]
-            below = op not in LEAVES and any(known[c] for c in operands)
-            known[number] = below or (op in _PARTIAL and self._may_fail(op, operands))
-        return known[root]
+            below = op not in LEAVES and any(is_partial[c] for c in operands)
+            is_partial[number] = below or (op in _PARTIAL and self._may_fail(op, operands))
+        return is_partial[root]
 
     def _is_clamped(self, op: str, operands: Sequence[int]) -> bool:
-        """Whether this is a power or root of an expression that may rest at zero, without a second derivative there."""
+        """Whether this is a power or root without second derivative at zero, of an expression that may rest there."""
         if op == "pow" and (exponent := self.pool.value(operands[1])) is not None:
             may = 0.0 < exponent < 2.0 and exponent != 1.0
         else:
             may = op == "sqrt" or self._is_constant(operands[1])
-        return may and self._rests(operands[0])
+        return may and self._may_rest(operands[0])
 
     def _is_constant(self, root: int) -> bool:
         """Whether a node depends on parameters alone."""
@@ -190,9 +193,9 @@ class _Extensions:
             for n in self.pool.reachable([root])
         )
 
-    def _rests(self, root: int) -> bool:
+    def _may_rest(self, root: int) -> bool:
         """Whether a node may be exactly zero over a range of its variables: `maximum(x, 0)`, an inactive branch."""
-        pool, known = self.pool, self._at_rest
+        pool, at_rest = self.pool, self._at_rest
         stack = [root]
         while stack:
             number = stack[-1]
@@ -204,17 +207,17 @@ class _Extensions:
             elif op in ("pow", "div"):
                 operands = operands[:1]
             elif op not in ("max", "min", "mul", "sqrt", "noevent"):
-                known[number] = op == "fabs" or pool.value(number) == 0.0
+                at_rest[number] = op == "fabs" or pool.value(number) == 0.0
                 stack.pop()
                 continue
-            if missing := [n for n in operands if n not in known]:
-                known[number] = False  # for a cyclic definition
+            if missing := [n for n in operands if n not in at_rest]:
+                at_rest[number] = False  # for a cyclic definition
                 stack += missing
                 continue
             both = op in ("max", "min") and pool.zero not in operands
-            known[number] = (all if both else any)(known[n] for n in operands)
+            at_rest[number] = (all if both else any)(at_rest[n] for n in operands)
             stack.pop()
-        return known[root]
+        return at_rest[root]
 
     def _may_fail(self, op: str, operands: list[int]) -> bool:
         pool = self.pool
@@ -225,37 +228,36 @@ class _Extensions:
             return base is None and not (exponent is not None and exponent >= 0.0 and exponent == round(exponent))
         return True
 
-    def _now(self, condition: int, holds: bool, strict: bool) -> int:
-        """A condition, or its negation, evaluated at the point itself instead of by modes."""
+    def _at_this_point(self, condition: int, holds: bool, strict: bool) -> int:
+        """A condition, or its negation, evaluated at the point itself and not by modes."""
         key = condition, holds, strict
         if key not in self._guards:
-            self._guards[key] = self._evaluate_now(condition, holds, strict)
+            self._guards[key] = self._build_at_this_point(condition, holds, strict)
         return self._guards[key]
 
-    def _evaluate_now(self, condition: int, holds: bool, strict: bool) -> int:
+    def _build_at_this_point(self, condition: int, holds: bool, strict: bool) -> int:
         pool = self.pool
         op, *operands = pool.nodes[condition]
         if op in RELATIONS:
             op = op if holds else _OPPOSITE[op]
             relation = pool.make(_STRICT[op] if strict else op, *(pool.make("noevent", n) for n in operands))
-            return pool.make(
-                "noevent", relation
-            )  # `noevent` around operands distinguishes it from the relation of the mode
+            # `noevent` around the operands distinguishes it from the relation of the mode.
+            return pool.make("noevent", relation)
         if op == "not":
-            return self._now(operands[0], not holds, strict)
+            return self._at_this_point(operands[0], not holds, strict)
         if op in ("and", "or"):
-            parts = [self._now(n, holds, strict) for n in operands]
+            parts = [self._at_this_point(n, holds, strict) for n in operands]
             return pool.make(op if holds else {"and": "or", "or": "and"}[op], *parts)
         if op == "noevent":
-            return self._now(operands[0], holds, strict)
+            return self._at_this_point(operands[0], holds, strict)
         if op == "var" and operands[0] in self.discrete:
             node = self.discrete[operands[0]]
             if pool.nodes[node][0] in (*RELATIONS, "and", "or", "not"):
-                return self._now(node, holds, strict)
+                return self._at_this_point(node, holds, strict)
         return condition if holds else pool.make("not", condition)
 
     def _extension(self, op: str, q: list[int], guard: _Guard) -> int:
-        """`op` of `q` in its domain or under its guard, else its extension; both are finite where they are inactive."""
+        """`op` of `q` in its domain or under its guard, else its extension; each is finite where the other applies."""
         pool = self.pool
         domain, instead, beyond, ends = _EXTENSIONS[op](pool, q)
         allowed = pool.make("or", domain, guard.strict if ends else guard.loose)
@@ -265,7 +267,7 @@ class _Extensions:
 
 
 def _clamped(pool: Pool, op: str, q: list[int]) -> int:
-    """A power or root that is the constant zero at zero, for positive exponents; nan stays nan."""
+    """A power or root, replaced by the constant zero at zero if its exponent is positive; nan stays nan."""
     clamped = pool.nodes[q[0]][0] == "max" and pool.zero in pool.nodes[q[0]][1:]
     at_zero = _test(pool, "le", q[0] if clamped else pool.make("fabs", q[0]), 0.0)
     if op == "pow" and pool.value(q[1]) is None:
@@ -287,11 +289,11 @@ def _size(pool: Pool, a: int, least: float) -> int:
 
 
 def _power(pool: Pool, q: list[int]) -> _Extension:
-    """Odd: x |x|^(n-1) is continuous with its derivative where n > 1, and increases with x for every n > 0."""
+    """Odd extension: x |x|^(n-1) has a continuous derivative for n > 1, and increases with x for every n > 0."""
     base, exponent = q
     n = pool.value(exponent)
     odd = pool.mul(base, pool.make("pow", _size(pool, base, _TINY), pool.sub(exponent, pool.one)))
-    whole = n is not None and n == round(n)  # a negative one
+    whole = n is not None and n == round(n)  # negative, as other integer powers are total
     defined = _test(pool, "gt", pool.make("fabs", base) if whole else base, _TINY if n is None or n < 0.0 else 0.0)
     return defined, [pool.one, None], odd, n is not None and n > 0.0
 
@@ -319,15 +321,15 @@ def _quotient(pool: Pool, q: list[int]) -> _Extension:
 
 
 def _exponential(op: str) -> Callable[[Pool, list[int]], _Extension]:
-    """Extension by the tangent at the end, which keeps the sign of the slope for Newton's method."""
+    """Extension by the tangent at the largest exponent, which keeps the sign of the slope for Newton's method."""
 
     def extension(pool: Pool, q: list[int]) -> _Extension:
         size = q[0] if op == "exp" else pool.make("fabs", q[0])
-        last = pool.make("exp", pool.const(_LARGE))
-        line = pool.mul(last, pool.add(pool.one, pool.sub(size, pool.const(_LARGE))))
+        last = pool.make("exp", pool.const(_LARGEST_EXPONENT))
+        line = pool.mul(last, pool.add(pool.one, pool.sub(size, pool.const(_LARGEST_EXPONENT))))
         if op == "sinh":
             line = pool.mul(pool.make("sign", q[0]), line)
-        return _test(pool, "lt", size, _LARGE), [pool.zero], line, False
+        return _test(pool, "lt", size, _LARGEST_EXPONENT), [pool.zero], line, False
 
     return extension
 

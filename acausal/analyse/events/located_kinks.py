@@ -1,20 +1,21 @@
 """Kinks without events that are located all the same, because a solver could step over a change of a rate there.
 
-`minimum`, `maximum`, `fabs` and relations below `no_event` make no events: the error control notices such a kink when a
-step ends behind it. In `y' = k * maximum(x - 1, 0)`, while one side is constant, nothing of the other bounds the step,
-and a solver may pass it without a single evaluation there. A stretch of the run therefore ends where such a kink is
-reached, and the next one begins there, without an event.
+`minimum`, `maximum`, `fabs` and relations below `no_event` make no events: error control notices such a kink when a
+step ends beyond it. In `y' = k * maximum(x - 1, 0)`, however, the rate is constant on one side. Nothing then bounds the
+step there, and a solver may pass the whole other side without a single evaluation on it. A stretch of the run therefore
+ends where such a kink is reached, and the next one begins there, without an event.
 
-Where both sides vary, or the active side is a factor of something that varies, a step is chosen by what it sees, and a
-change beyond the kink for less than a step is overlooked all the same: `speed * maximum(force, -limit)`, or `fabs((t -
-1) * (t - 1.1))`, whose dip a method of third order does not notice. So all kinks are located, except those of external
-functions that may jump (`External.jumps`), with two varying sides or outside rates.
+Where both sides vary, or the active side is multiplied by something that varies, the solver chooses its step from the
+side that it sees, and still overlooks an excursion beyond the kink that is shorter than a step: `speed * maximum(force,
+-limit)`, or `fabs((t - 1) * (t - 1.1))`, whose dip a method of third order does not notice. All kinks are therefore
+located, except those of external functions that may jump (`External.jumps`) if both sides vary or no rate contains
+them.
 
 Each located kink costs a guard, and a stretch whenever it is passed. Bodies in contact have hundreds of kinks, for all
 the ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force acts.
-Where there are many, kinks that do not enter the rate of a state linearly are left out and returned, for a message and
-a bound on the steps. Locating them too (weights of contact points, `minimum` and `maximum` in products) would take
-eight times the work.
+If a system has many, those that do not enter the rate of a state linearly are not located but returned, for a message
+and a bound on the steps. Locating them too (weights of contact points, `minimum` and `maximum` in products) would take
+eight times as long.
 """
 
 from __future__ import annotations
@@ -33,29 +34,29 @@ from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
 
 MOST = 120
-"""Up to this many kinks of one system all are located; of more with choices among them, only those in rates."""
+"""If a system has more kinks than this and choices are among them, only those in rates are located."""
 MOST_PLAIN = 1000
 """Largest number of located kinks of one system."""
 
 _LINEAR = frozenset(("add", "sub", "neg", "mul", "div"))
 _PIECEWISE = frozenset(("min", "max", "where", "noevent"))
-# Two distances count as one if they are multiples of each other to this many digits at all sample points.
+# Two distances are multiples of each other if their normalised samples agree to this many digits.
 _DIGITS = 9
-# A difference is zero if it is smaller than this times its largest value.
+# A difference counts as zero if it is smaller than this fraction of its largest sample.
 _ZERO = 1e-12
 
 
 @dataclass(frozen=True)
 class LocatedKinks:
-    """Relations that decide the active side of kinks; nodes that no equation contains."""
+    """Relations that decide the active side of kinks: `watched` nodes, which no equation contains."""
 
     watched: tuple[int, ...] = ()
     left: tuple[int, ...] = ()
-    """Relations of kinks that are too many to be located."""
+    """Relations of kinks that are not located, because there are too many."""
     bursts: bool = False
     """Whether there are bursts, whose values near underflow are replaced (`acausal.analyse.events.underflow`)."""
     branches: bool = False
-    """Whether the kinks themselves become branches on these relations, for derivatives on one side of them."""
+    """Whether the kinks themselves become branches on these relations, for one-sided derivatives."""
     numbers: tuple[int, ...] = ()
     """Nodes of the stretch numbers of long tables (`acausal.analyse.events.time_events`)."""
 
@@ -65,7 +66,7 @@ def located_kinks(
 ) -> LocatedKinks:
     """Kinks to locate, except those that coincide with a `located` relation, and those whose operand rests at the kink.
 
-    `system` maps a relation to the number of its system, for each of which the limits hold.
+    `system` maps a relation to the number of its system; the limits `MOST` and `MOST_PLAIN` hold for each system.
     """
     known = set(located)
     graph = _Graph(solution, discrete)
@@ -76,45 +77,47 @@ def located_kinks(
     images = dict[int, int]()
     for number, *sides in _kinks(graph, known):
         a, b = _images(reduced, sides, images)
-        if not (graph.moves(a) or graph.moves(b)) or _is_left_out(reduced, a, b):
+        if not (graph.moves(a) or graph.moves(b)) or _depends_on_reduced(reduced, a, b):
             continue
         distance = points.everywhere(pool.sub(a, b))
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
-            continue  # it rests at its kink, and another kink moves it: maximum(f(maximum(u, 0)), 0)
-        shape = _direction_key(distance)
-        if shape in known_directions:
+            continue  # its operand rests at the kink until another kink moves it: maximum(f(maximum(u, 0)), 0)
+        direction = _direction_key(distance)
+        if direction in known_directions:
             continue
         op, *operands = pool.nodes[number]
-        both = all(graph.moves(n) for n in (operands[1:] if op == "where" else (a, b)))
-        if graph.jumps(a, b) and (both or not graph.is_rate(number)):
+        both_vary = all(graph.moves(n) for n in (operands[1:] if op == "where" else (a, b)))
+        if graph.jumps(a, b) and (both_vary or not graph.is_rate(number)):
             continue
-        known_directions.add(shape)
+        known_directions.add(direction)
         # `noevent` around operands distinguishes it from a relation of the equations
         relations.append(pool.make("gt", pool.make("noevent", a), pool.make("noevent", b)))
         if graph.is_rate(number):
             rates.add(relations[-1])
         elif op == "where":
             choices.add(relations[-1])
-    narrow = steep(pool, points, graph.reachable, graph.moves)
-    bursts = any(narrow.kinds[place] not in STEPS for _, place in narrow.middles)
-    bursts |= any(isinstance(kind, float) and kind > 1.0 for kind in narrow.kinds)  # a high power is a burst by itself
+    steep_functions = steep(pool, points, graph.reachable, graph.moves)
+    bursts = any(steep_functions.kinds[place] not in STEPS for _, place in steep_functions.middles)
+    bursts |= any(
+        isinstance(kind, float) and kind > 1.0 for kind in steep_functions.kinds
+    )  # a high power is a burst by itself
     systems: dict[int, list[int]] = {}
     for n in relations:
         systems.setdefault(system(n), []).append(n)
     watched = set[int]()
-    for own in systems.values():
-        plain = [n for n in own if n in rates] if len(own) > MOST and not choices.isdisjoint(own) else own
-        watched.update(plain[:MOST_PLAIN])
-    left = set(relations) - watched
-    watched_relations, left_out = (tuple(n for n in relations if n in some) for some in (watched, left))
+    for group in systems.values():
+        kept = [n for n in group if n in rates] if len(group) > MOST and not choices.isdisjoint(group) else group
+        watched.update(kept[:MOST_PLAIN])
+    unlocated = set(relations) - watched
+    watched_relations, left_out = (tuple(n for n in relations if n in selected) for selected in (watched, unlocated))
     return LocatedKinks(watched_relations, left_out, bursts)
 
 
 def _images(reduced: ReducedSystem, nodes: Sequence[int], done: dict[int, int]) -> list[int]:
-    """Nodes with the constants of variables that a reduction folded; the original equations still have these."""
+    """Nodes with variables that a reduction folded replaced by their values; the original equations contain both."""
 
     def image(v: int) -> int:
-        # derivatives, which the compiler has named or added, have no image
+        # Derivatives that the compiler has named or added have no image.
         scalar = reduced.scalar[v] if v < len(reduced.scalar) else len(reduced.image)
         return reduced.image[scalar] if scalar < len(reduced.image) else reduced.pool.var(v)
 
@@ -122,8 +125,8 @@ def _images(reduced: ReducedSystem, nodes: Sequence[int], done: dict[int, int]) 
     return [done[n] for n in nodes]
 
 
-def _is_left_out(reduced: ReducedSystem, *nodes: int) -> bool:
-    """Whether nodes depend on what a reduction left out: nothing that is left depends on that."""
+def _depends_on_reduced(reduced: ReducedSystem, *nodes: int) -> bool:
+    """Whether nodes depend on variables that a reduction left out; no remaining equation depends on these."""
     for v in reduced.pool.variables_in(*nodes) if reduced.left_out else ():
         while v >= len(reduced.scalar):
             v = reduced.pool.integral_of[v]
@@ -135,7 +138,7 @@ def _is_left_out(reduced: ReducedSystem, *nodes: int) -> bool:
 def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
     """Kinks: (node, both sides of the comparison that decides it)."""
     nodes, moving = graph.pool.nodes, graph.moving
-    # the location of guards itself finds a crossing there and back of a guard with `fabs`
+    # A guard that contains `fabs` needs no kink: the location of events finds a crossing there and back by itself.
     outside = set(graph.pool.reachable(graph.unknowns, located))
     for number in graph.reachable:
         op, *operands = nodes[number]
@@ -147,12 +150,12 @@ def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
             for relation in graph.pool.reachable([operands[0]]):
                 kind, *both = nodes[relation]
                 if kind in RELATIONS and relation not in located and moving[relation]:
-                    # order the sides as those of a > b; a < b equals b > a exactly
+                    # Order the sides as those of a > b; a < b is exactly b > a.
                     yield number, *(both if kind in ("gt", "le") else reversed(both))
 
 
 class _Graph:
-    """Graph of the original equations that rates depend on, with the parents of each node."""
+    """Graph of those original equations that rates depend on, with the parents of each node."""
 
     def __init__(self, solution: Solution, discrete: frozenset[int]) -> None:
         structure = solution.structure
@@ -175,7 +178,7 @@ class _Graph:
                     self.above.setdefault(child, []).append(number)
 
     def moves(self, number: int) -> bool:
-        """Whether a node changes between events, also one created after the graph."""
+        """Whether a node varies between events; the node may be newer than the graph."""
         for n in () if number in self.moving else self.pool.reachable([number], self.moving):
             op, *rest = self.pool.nodes[n]
             moving = (op == "var" and rest[0] not in self.discrete) or op == "time"
@@ -188,7 +191,7 @@ class _Graph:
         return any(isinstance(op, Call) and op.external.jumps for op in operations)
 
     def is_rate(self, number: int) -> bool:
-        """Whether a node enters the rate of a state linearly, apart from kinks."""
+        """Whether a node enters the rate of a state linearly, except for kinks."""
         seen, stack = set[int](), [number]
         while stack:
             for here in self._ancestors(stack.pop(), _LINEAR | _PIECEWISE):
@@ -201,7 +204,7 @@ class _Graph:
         return False
 
     def _ancestors(self, number: int, through: frozenset[str]) -> Iterator[int]:
-        """A node and its ancestors through these operations; products and quotients only with constants."""
+        """A node and its ancestors through these operations, including products and quotients with constants only."""
         seen, stack = {number}, [number]
         while stack:
             here = stack.pop()
@@ -218,7 +221,7 @@ class _Graph:
 
 
 def _direction_key(distance: Samples) -> bytes:
-    """Key that is equal for distances, shape (K,), that are multiples of each other to rounding."""
+    """Key that is equal for distances, shape (K,), that are multiples of each other up to rounding errors."""
     finite = np.where(np.isfinite(distance), distance, 0.0)
     largest = finite[int(np.argmax(np.abs(finite)))]
     return np.round(finite / largest if largest else finite, _DIGITS).tobytes()

@@ -1,7 +1,7 @@
 """Interval bounds of expressions for any values of their variables.
 
 Interval arithmetic (R. E. Moore, Interval Analysis, 1966): 1 + e - cos(x) is never below e, cosh(x) never below one.
-Dependent terms are treated as independent, so that a range may be too wide, and never too narrow. Ranges of `minimum`,
+Dependent terms are treated as independent, so that a range may be too wide but never too narrow. Ranges of `minimum`,
 `maximum` and `fabs` are unbounded here: their kinks are located (`acausal.analyse.events.located_kinks`).
 """
 
@@ -41,12 +41,12 @@ def ranges(pool: Pool, reachable: Iterable[int], constant: Callable[[int], float
     return range_of
 
 
-def _range(op: object, operands: list[int], inside: list[Range]) -> Range:
+def _range(op: object, operands: list[int], operand_ranges: list[Range]) -> Range:
     if op in _BOUNDED:
         return _BOUNDED[str(op)]
     if op == "mul" and operands[0] == operands[1]:
-        return _square(inside[0])
-    match op, inside:
+        return _square(operand_ranges[0])
+    match op, operand_ranges:
         case "add", [a, b]:
             return a[0] + b[0], a[1] + b[1]
         case "sub", [a, b]:

@@ -1,13 +1,13 @@
 """Relations of saturated expressions: `maximum(k*u, 0) > 0` becomes `u > 0 and k*u > 0`.
 
-The instant of an event is a zero of the difference of the sides of a relation. Where this difference is constant beyond
-a kink of `minimum`, `maximum`, `fabs` or a choice below `no_event`, it reaches zero and does not cross it: the relation
-changes, and no sign. Such a relation is split at its kink, which becomes a relation itself; on each side the kink is
-replaced by its active operand.
+The instant of an event is a zero of the difference of the sides of a relation. If this difference is constant beyond a
+kink of `minimum`, `maximum`, `fabs` or a choice below `no_event`, it may reach zero without crossing it: the relation
+changes although the difference does not change sign. Such a relation is split at its kink, which becomes a relation
+itself; on each side the kink is replaced by its active operand.
 
-The place of some kinks is unknown, such as those of external functions or sums of roots. Relations that still contain
-such a kink are listed (`Kinks.resting_relations`), and located where their sides become equal, however long they stay
-so (`EventFunctions.signed_at_rest`).
+The position of some kinks is unknown, for instance of those inside external functions or sums of roots. Relations that
+still contain such a kink are listed (`Kinks.resting_relations`), and located where their sides become equal, however
+long they stay equal (`EventFunctions.signed_at_rest`).
 """
 
 from __future__ import annotations
@@ -22,19 +22,24 @@ from acausal.language.expressions.external import Call
 from acausal.numeric.evaluate import Samples, values
 from acausal.numeric.samples import SamplePoints
 
-_MOST = 4
+_DEEPEST = 4
 """Largest nesting of kinks at which a relation is split."""
-_SAME = 1e-12
-# Lines between sample points on which a zero is searched, number of bisections, and the distance checked beyond it.
+_EQUAL = 1e-12
+"""Two samples are equal if they differ by less than this fraction of the largest."""
+# Number of lines between sample points on which a zero is searched, number of bisections, and the distance beyond the
+# zero, as a fraction of the rest of the line, at which the difference is evaluated again.
 _LINES, _HALVINGS, _BEYOND = 8, 50, 1e-9
-_OTHER = frozenset(("pre", "sample", "initial", "terminal", "infinitesimal"))
-_TURNED = {"gt": "lt", "lt": "gt", "ge": "le", "le": "ge"}
+_NOT_SEARCHED = frozenset(("pre", "sample", "initial", "terminal", "infinitesimal"))
+_REVERSED = {"gt": "lt", "lt": "gt", "ge": "le", "le": "ge"}
 _PLAIN = frozenset(("min", "max", "fabs"))
 _KINKS = _PLAIN | {"where"}
 
 
 def split_at_kinks(kinks: Kinks, points: SamplePoints, visible: Iterable[int], done: dict[int, int]) -> dict[int, int]:
-    """Images of `visible` relations that are saturated beyond a kink; `done` has other images and receives these."""
+    """Images of those `visible` relations that are saturated beyond a kink.
+
+    `done` has images of other nodes and receives these.
+    """
     found: dict[int, int] = {}
     pool, split = kinks.pool, _Split(kinks, points)
     for number in visible:
@@ -52,47 +57,47 @@ class Kinks:
         self.pool, self.definitions = pool, definitions
         self._known: dict[int, int] = {}
         self._of: dict[int, int] = {}
-        self._is_open = False  # `_of` is filled on the first relation of variables; most are of time or parameters
+        self._defined = False  # `_of` is filled at the first relation of variables; most are of time or parameters
 
     def resting_relations(self, points: SamplePoints, relations: Iterable[int]) -> frozenset[int]:
-        """The relations whose sides are equal at several sample points, and so may stay equal for a while."""
+        """The relations whose sides may stay equal for a while, as they are equal at several sample points."""
         found = set[int]()
         for relation in relations:
-            kind = self.below(relation)
+            level = self.below(relation)
             distance = self.pool.sub(*self.pool.nodes[relation][1:])
-            rests = kind > 0 and np.count_nonzero(points.everywhere(distance) == 0.0) > 1
-            if rests or (kind == 2 and self._stays_at_its_zero(points, distance)):
+            rests = level > 0 and np.count_nonzero(points.everywhere(distance) == 0.0) > 1
+            if rests or (level == 2 and self._stays_at_its_zero(points, distance)):
                 found.add(relation)
         return frozenset(found)
 
     def _stays_at_its_zero(self, points: SamplePoints, distance: int) -> bool:
         """Whether a difference reaches zero and stays there, on straight lines between sample points.
 
-        The lines matter because a dead zone may be narrower than the distance of the sample points.
+        Sample points alone do not suffice: a dead zone may be narrower than their distance.
         """
         defined, pool = dict(self.definitions), self.pool
         behind = pool.variables_behind([distance], defined)
         order = [v for v in defined if v in behind]
         at = points.everywhere(distance)
-        above, others = np.flatnonzero(at > 0.0), np.flatnonzero(at <= 0.0)
-        count = min(len(above), len(others), _LINES)
+        above, not_above = np.flatnonzero(at > 0.0), np.flatnonzero(at <= 0.0)
+        count = min(len(above), len(not_above), _LINES)
         if not count:
             return False
-        above, others = above[:count], others[:count]
+        above, not_above = above[:count], not_above[:count]
 
-        def along(share: Samples) -> Samples:
-            known: dict[int, Samples] = {}
+        def along(fraction: Samples) -> Samples:
+            samples_of: dict[int, Samples] = {}
 
-            def between(seen: Samples) -> Samples:
-                return np.asarray(seen[above] + share * (seen[others] - seen[above]))
+            def between(samples: Samples) -> Samples:
+                return np.asarray(samples[above] + fraction * (samples[not_above] - samples[above]))
 
             leaves: dict[str, Callable[[int], Any]] = {
-                "var": lambda v: known[v] if v in known else between(points.everywhere(pool.var(v))),
+                "var": lambda v: samples_of[v] if v in samples_of else between(points.everywhere(pool.var(v))),
                 "par": points.parameters.__getitem__,
                 "time": lambda _: between(points.everywhere(pool.time)),
             }
             for v in order:
-                known[v] = values(pool, [defined[v]], leaves)[defined[v]]
+                samples_of[v] = values(pool, [defined[v]], leaves)[defined[v]]
             return np.asarray(values(pool, [distance], leaves)[distance]) + np.zeros(count)
 
         low, high = np.zeros(count), np.ones(count)
@@ -104,11 +109,11 @@ class Kinks:
         return bool(((along(high) == 0.0) & (along(beyond) == 0.0)).any())
 
     def below(self, root: int) -> int:
-        """0 for a node without kinks, 1 with kinks, 2 with external functions, 3 with external ones that may jump."""
+        """0 for a node without kinks, 1 with kinks, 2 with external functions, 3 with some that may jump."""
         nodes, known = self.pool.nodes, self._known
         below = self.pool.reachable([root], known)
-        if not self._is_open and any(nodes[n][0] == "var" for n in below):
-            self._is_open = True
+        if not self._defined and any(nodes[n][0] == "var" for n in below):
+            self._defined = True
             for v, node in self.definitions:  # in the order of evaluation
                 self._of[v] = self.below(node)
             below = self.pool.reachable([root], known)
@@ -119,26 +124,28 @@ class Kinks:
             elif isinstance(op, Call):
                 known[number] = 3 if op.external.jumps else 2
             else:
-                inside = [known[n] for n in rest[op == "where" :]] if op not in LEAVES and op not in _OTHER else []
+                inside = (
+                    [known[n] for n in rest[op == "where" :]] if op not in LEAVES and op not in _NOT_SEARCHED else []
+                )
                 is_exempt = op == "noevent" or (op == "where" and nodes[rest[0]][0] == "noevent")
                 known[number] = max((is_exempt or op in _PLAIN, *inside))
         return known[root]
 
 
 class _Split:
-    """Splits relations of one model at kinks, also in definitions of their variables."""
+    """Splits the relations of one model at kinks, including those in the definitions of their variables."""
 
     def __init__(self, kinks: Kinks, points: SamplePoints) -> None:
         self.pool, self.points, self.kinks = kinks.pool, points, kinks
         self.definitions = kinks.definitions
         self.defined = dict(kinks.definitions)
 
-    def image(self, relation: int, depth: int = _MOST) -> int:
+    def image(self, relation: int, depth: int = _DEEPEST) -> int:
         """The relation, or a branch at the first kink beyond which it is saturated."""
         pool = self.pool
         op, *sides = pool.nodes[relation]
         if op not in RELATIONS or not depth or max(self.kinks.below(n) for n in sides) != 1:
-            return relation  # external functions may saturate at unknown places
+            return relation  # without kinks, or with external functions, which may saturate anywhere
         if not self._repeats(self._distance(sides)):
             return relation
         for kink, is_exempt in sorted(self._below(sides).items()):
@@ -146,10 +153,10 @@ class _Split:
             if not condition or not self._is_saturated(sides, condition):
                 continue
             inside, outside = (self._on_branch(op, sides, kink, branch, condition, depth) for branch in (here, there))
-            kind, *places = pool.nodes[condition]
-            turned = pool.make(kind, *reversed(places))
-            if outside == turned:  # the branch reduces to one relation
-                condition, inside, outside = turned, outside, inside
+            kind, *operands = pool.nodes[condition]
+            reversed_condition = pool.make(kind, *reversed(operands))
+            if outside == reversed_condition:  # the branch reduces to one relation
+                condition, inside, outside = reversed_condition, outside, inside
             is_all = (inside, outside) == (condition, pool.zero)
             return condition if is_all else pool.where(condition, inside, outside)
         return relation
@@ -165,11 +172,11 @@ class _Split:
         return self.image(pool.make(op, left, right), depth - 1)
 
     def _by_factors(self, op: str, sides: Sequence[int], depth: int) -> int:
-        """The relation expressed by signs of factors, where a root or power is undefined on the branch."""
+        """The relation expressed by the signs of factors, for a root or power that is undefined on the branch."""
         pool = self.pool
         left, right = sides
         if left == pool.zero:
-            left, right, op = right, left, _TURNED[op]
+            left, right, op = right, left, _REVERSED[op]
         if right != pool.zero:
             return pool.make(op, left, right)
         if op in ("ge", "le"):
@@ -177,7 +184,7 @@ class _Split:
         node = pool.nodes[left]
         if node[0] == "var" and node[1] in self.defined:
             return self._by_factors(op, (self.defined[node[1]], right), depth)
-        opposite = _TURNED[op]
+        opposite = _REVERSED[op]
         if node[0] == "neg":
             return self._by_factors(opposite, (node[1], right), depth)
         if node[0] in ("mul", "div"):
@@ -190,7 +197,7 @@ class _Split:
         return self.image(pool.make(op, left, right), depth)
 
     def _below(self, sides: Iterable[int]) -> dict[int, bool]:
-        """All nodes below the sides, through definitions and without conditions -> whether below `no_event`."""
+        """Maps all nodes below the sides, definitions but not conditions included, to whether below `no_event`."""
         nodes = self.pool.nodes
         found: dict[int, bool] = {}
         stack = [(n, False) for n in sides]
@@ -205,12 +212,12 @@ class _Split:
                 stack += [(self.defined[v], is_exempt) for v in rest if v in self.defined]
             elif op == "where":
                 stack += [(n, is_exempt) for n in rest[1:]]
-            elif op not in LEAVES and op not in _OTHER:
+            elif op not in LEAVES and op not in _NOT_SEARCHED:
                 stack += [(n, is_exempt) for n in rest]
         return found
 
     def _branches(self, kink: int, is_exempt: bool) -> tuple[int, int, int]:
-        """(Relation of a kink, its value where that holds, its value elsewhere); 0 where there is no relation."""
+        """(Relation of a kink, value of the kink where that holds, value elsewhere); the relation is 0 if none."""
         pool = self.pool
         op, *operands = pool.nodes[kink]
         if op == "fabs":
@@ -229,7 +236,7 @@ class _Split:
         if not self.points.varies(condition):
             return False
         distance, holds = self._distance(sides), self.points.everywhere(condition) != 0.0
-        # two equal points suffice: it may be saturated only where several kinks are inactive together
+        # Two equal samples suffice: the difference may be saturated only where several kinks are inactive together.
         return self._repeats(distance[holds]) or self._repeats(distance[~holds])
 
     def _distance(self, sides: Sequence[int]) -> Samples:
@@ -240,10 +247,10 @@ class _Split:
         """Whether two of the values, shape (K,), are equal; False if any is not finite."""
         if not np.isfinite(values).all():
             return False
-        return bool((np.diff(np.sort(values)) <= _SAME * float(np.abs(values).max(initial=0.0))).any())
+        return bool((np.diff(np.sort(values)) <= _EQUAL * float(np.abs(values).max(initial=0.0))).any())
 
     def _replace_kink(self, sides: Sequence[int], kink: int, branch: int) -> list[int]:
-        """The sides with a kink replaced by a branch, also inside definitions, which are substituted."""
+        """The sides with a kink replaced by a branch; definitions that contain the kink are substituted."""
         pool = self.pool
         done = {kink: branch}
         images: dict[int, int] = {}

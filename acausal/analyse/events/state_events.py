@@ -2,9 +2,9 @@
 
 Every relation on which an integrated quantity depends is a mode, constant between events, so that the right-hand side
 is smooth in each mode; `no_event` and `where(..., smooth=True)` exempt a relation. `sign`, `floor` and `ceil` of a
-variable become relations too, because they jump. `minimum`, `maximum` and `fabs` only have kinks and are left to the
-error control, as in Modelica (3.6, section 3.7.2). Relations of time only are known in advance (`time_events`);
-relations of discrete variables change at events only.
+variable become relations too, because they jump. `minimum`, `maximum` and `fabs` only have kinks and make no events, as
+in Modelica (3.6, section 3.7.2). Relations of time only switch at instants known in advance (`time_events`); relations
+of discrete variables change at events only.
 """
 
 from __future__ import annotations
@@ -27,20 +27,22 @@ from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool, closure
 from acausal.flatten.reduced import ReducedSystem
 from acausal.numeric.evaluate import values
 
-# Operations that are events or are rewritten because of one; expressions without them need no search.
-_EVENTFUL = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
+# Operations that make events, or are rewritten because of events; expressions without them need no search.
+_EVENT_OPERATIONS = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
 _SIGN = "gt", "ge"
-# Operations whose values jump at events; those of the integer part change in the run, even if time alone moves them.
+# Operations whose values jump at events. Those of `_STEPS` change during a run even if their operand depends on time
+# alone, as they are not among the time events.
 _STEPS = frozenset(("floor", "ceil"))
 _JUMPS = frozenset((*RELATIONS, *_STEPS, "sign"))
-_EVENTFUL |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
+_EVENT_OPERATIONS |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
 
 
 @dataclass(frozen=True)
 class Clause:
     """One `when` or `elsewhen`: it acts when one of `conditions` becomes true and none of `earlier` does.
 
-    `actions` are `(index in the state vector, node of the new value)`; for an impulse the index is that of the force.
+    `actions` are pairs (index in the state vector, node of the new value); for an impulse the index is that of the
+    force.
     """
 
     conditions: tuple[int, ...]
@@ -63,7 +65,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class Assert:
-    """A condition that must hold, and the message when it does not."""
+    """A condition that must hold, and the message if it does not."""
 
     condition: int
     message: str
@@ -74,10 +76,10 @@ class Assert:
 
 @dataclass(frozen=True)
 class StateEvents:
-    """Everything that can cause an event besides known instants, as nodes of the reduced pool."""
+    """Everything that can cause an event apart from known instants, as nodes of the reduced pool."""
 
     samples: tuple[int, ...] = ()  # `sample(start, interval)`: true at instants only
-    memories: tuple[int, ...] = ()  # `pre(...)`: the value before the round of the event iteration
+    memories: tuple[int, ...] = ()  # `pre(...)`: the value before this round of the event iteration
     flags: tuple[int, ...] = ()  # `initial()`, `infinitesimal()` and `terminal()`, if the model uses them
     relations: tuple[int, ...] = ()  # relations of variables, located
     # Maps `sign`, `floor` and `ceil` of variables to branches on such relations, and branches with partially defined
@@ -87,10 +89,10 @@ class StateEvents:
     clauses: tuple[Clause, ...] = ()
     assignments: tuple[Assignment, ...] = ()
     asserts: tuple[Assert, ...] = ()
-    # Indices of those `relations` that make no event: kinks (`located_kinks.py`), and ends of stretches of tables
+    # Indices of `relations` that make no event: kinks (`located_kinks.py`), and ends of stretches of tables
     # (`time_events.py`).
     watched: frozenset[int] = frozenset()
-    # Indices of those whose sides may stay equal for a while (`resting.py`).
+    # Indices of `relations` whose sides may stay equal for a while (`resting.py`).
     resting: frozenset[int] = frozenset()
 
     @property
@@ -119,57 +121,62 @@ def find_state_events(
     clauses = tuple(_clauses(reduced, states))
     assignments = tuple(_assignments(reduced, states))
     asserts = tuple(_asserts(reduced))
-    own = [n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
-    own += [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
-    own += [pool.var(v) for v in switched_dependents(solution)]
-    own += kinks_to_locate.numbers
-    inside = [*solution.residuals, *_definitions(solution, own)]
+    event_nodes = [n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
+    event_nodes += (
+        [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
+    )
+    event_nodes += [pool.var(v) for v in switched_dependents(solution)]
+    event_nodes += kinks_to_locate.numbers
+    equation_nodes = [*solution.residuals, *_definitions(solution, event_nodes)]
     definitions = dict(solution.definitions)
-    inside = _eventful(pool, inside, definitions)  # perhaps one of the thousand cells of a field
-    roots = [*own, *inside]
+    # Possibly few: of a field with a thousand cells, one may contain an event.
+    equation_nodes = _with_events(pool, equation_nodes, definitions)
+    roots = [*event_nodes, *equation_nodes]
     if not (roots or kinks_to_locate.watched):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     moves = Moving(pool, discrete_variables(reduced))
-    # values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps
+    # Values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps.
     values = {v for c in clauses for _, v in c.actions}
-    steps = set(_visible(pool, [*(n for n in own if n not in values), *inside]))
+    steps = set(_visible(pool, [*(n for n in event_nodes if n not in values), *equation_nodes]))
     visible = _visible(pool, roots)
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
     branches = split_at_kinks(kinks, solution.structure.points, visible, dict(rewritten))
-    seen = [*visible, *_visible(pool, branches.values())]
-    branches |= _jumps(pool, seen, steps, moves, {**rewritten, **branches}, definitions)
+    all_visible = [*visible, *_visible(pool, branches.values())]
+    branches |= _jumps(pool, all_visible, steps, moves, {**rewritten, **branches}, definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.branches:
         located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
-        whole = [*solution.residuals, *(n for v, n in solution.definitions if v in solution.needed)]
-        kinked = by_modes(pool, [*roots, *whole], dict(solution.definitions), located, kinks_to_locate.watched, done)
-        branches |= kinked
+        integrated = [*solution.residuals, *(n for v, n in solution.definitions if v in solution.needed)]
+        kink_branches = by_modes(
+            pool, [*roots, *integrated], dict(solution.definitions), located, kinks_to_locate.watched, done
+        )
+        branches |= kink_branches
         done = {**rewritten, **branches}
-        # beyond a kink that became a branch, a root or a power may be undefined, as beyond any relation
-        roots += set(whole).difference(roots) if kinked else ()
+        # Beyond a kink that became a branch, a root or a power may be undefined, as beyond any relation.
+        roots += set(integrated).difference(roots) if kink_branches else ()
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.bursts:
         branches |= without_underflow(pool, roots, done)
     pool.rewrite(roots, pool.var, done)
-    found = _conditions(pool, [done[r] for r in roots], set(time_events.relations), moves)
-    found["pre"] |= _before_impulses(pool, states, clauses, assignments)
-    relations = tuple(sorted(set(found["relation"]).difference(kinks_to_locate.watched)))
-    silent = set(pool.reachable([done[n] for n in kinks_to_locate.numbers]))
+    modes = _conditions(pool, [done[r] for r in roots], set(time_events.relations), moves)
+    modes["pre"] |= _before_impulses(pool, states, clauses, assignments)
+    relations = tuple(sorted(set(modes["relation"]).difference(kinks_to_locate.watched)))
+    number_nodes = set(pool.reachable([done[n] for n in kinks_to_locate.numbers]))
     resting = kinks.resting_relations(solution.structure.points, relations)
-    bends = (k for k, n in enumerate(relations) if n in silent)
+    stretch_ends = (k for k, n in enumerate(relations) if n in number_nodes)
     return StateEvents(
-        tuple(sorted(found["sample"])),
-        tuple(sorted(found["pre"])),
-        tuple(sorted(found["flag"])),
+        tuple(sorted(modes["sample"])),
+        tuple(sorted(modes["pre"])),
+        tuple(sorted(modes["flag"])),
         (*relations, *kinks_to_locate.watched),
         branches,
         clauses,
         assignments,
         asserts,
-        frozenset((*bends, *range(len(relations), len(relations) + len(kinks_to_locate.watched)))),
+        frozenset((*stretch_ends, *range(len(relations), len(relations) + len(kinks_to_locate.watched)))),
         frozenset(k for k, n in enumerate(relations) if n in resting),
     )
 
@@ -177,7 +184,7 @@ def find_state_events(
 def _before_impulses(
     pool: Pool, states: tuple[int, ...], clauses: Iterable[Clause], assignments: Iterable[Assignment]
 ) -> set[int]:
-    """`pre` of all discrete variables, if there are impulses, which use the equations from before the event."""
+    """`pre` of all discrete variables if there are impulses, which use the equations from before the event."""
     actions = [action for clause in clauses for action in clause.actions]
     if not any(pool.nodes[node][0] == IMPULSE for _, node in actions):
         return set()
@@ -193,7 +200,7 @@ def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:
 
 
 def switched_dependents(solution: Solution, prescribed: bool = False) -> list[int]:
-    """Differentiated variables that are no states, and depend on states in a way that depends on modes.
+    """Differentiated variables that are not states but depend on states in a way that differs between modes.
 
     They must not jump while the states do not, whether or not integrated quantities depend on them. With `prescribed`,
     those that depend on time instead of states.
@@ -208,20 +215,20 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
         return []
     ops = {pool.nodes[n][0] for n in pool.reachable(solution.residuals)}
     switched = dict.fromkeys(solution.algebraic, bool(ops & _JUMPS))
-    moved = dict.fromkeys(solution.algebraic, True)
-    found_of: dict[int, tuple[bool, bool]] = {}  # by node, because definitions share nodes
+    varying = dict.fromkeys(solution.algebraic, True)
+    flags_of: dict[int, tuple[bool, bool]] = {}  # by node, because definitions share nodes
     for v, node in solution.definitions:  # in the order of evaluation
-        for n in pool.reachable([node], found_of):
+        for n in pool.reachable([node], flags_of):
             op, *rest = pool.nodes[n]
             if op == "var":
                 w = rest[0]
-                found_of[n] = switched.get(w, w in discrete), moved.get(w, w not in discrete)
+                flags_of[n] = switched.get(w, w in discrete), varying.get(w, w not in discrete)
             else:
-                inside = [found_of[k] for k in rest] if op not in LEAVES else []
-                found_of[n] = op in _JUMPS or any(a for a, _ in inside), op in _STEPS or any(b for _, b in inside)
-        switched[v], moved[v] = found_of[node]
-    found = [v for v in switched if v in pool.derivative_of and switched[v] and moved[v] != prescribed]
-    if prescribed:  # a mere output, as the acceleration of a joint that moves nothing, needs no impulse
+                inside = [flags_of[k] for k in rest] if op not in LEAVES else []
+                flags_of[n] = op in _JUMPS or any(a for a, _ in inside), op in _STEPS or any(b for _, b in inside)
+        switched[v], varying[v] = flags_of[node]
+    found = [v for v in switched if v in pool.derivative_of and switched[v] and varying[v] != prescribed]
+    if prescribed:  # a mere output, such as the acceleration of a joint that moves nothing, needs no impulse
         used = {w for _, node in solution.definitions for w in pool.variables_in(node)}
         found = [v for v in found if pool.derivative_of[v] in used]
     return found
@@ -237,7 +244,7 @@ def _assigned(reduced: ReducedSystem) -> dict[int, int]:
 
 
 def _definitions(solution: Solution, roots: Iterable[int]) -> list[int]:
-    """Nodes of all definitions that the integration or `roots` need."""
+    """Nodes of all definitions that the integrator or `roots` need."""
     behind = solution.structure.reduced.pool.variables_behind(roots, dict(solution.definitions))
     needed = solution.needed | behind
     return [node for v, node in solution.definitions if v in needed]
@@ -251,14 +258,14 @@ def _jumps(
     rewritten: Mapping[int, int],
     definitions: Mapping[int, int],
 ) -> dict[int, int]:
-    """Maps `sign` of varying expressions, and `floor`, `ceil` and tables that jump among `steps`, to branches."""
+    """Maps `sign` of varying expressions, and those of `steps` that are `floor`, `ceil` or tables, to branches."""
     found: dict[int, int] = {}
     done = dict(rewritten)
 
     def stairs(number: int, op: str, u: int) -> int:
         found[number] = done[number] = _stairs(pool, number, op, u)
-        was = pool.make("pre", number)
-        found[was] = done[was] = was  # the memory stores the value of the branch under this node
+        memory = pool.make("pre", number)
+        found[memory] = done[memory] = memory  # the memory stores the value of the branch under this node
         return found[number]
 
     tables = jumping_tables(pool, steps, definitions)
@@ -287,7 +294,7 @@ def _jumps(
 
 
 def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], moves: Moving) -> list[int]:
-    """Both relations, > and >=, of each `sign` of a varying expression: it is zero while its operand stays zero."""
+    """Relations > and >= for each `sign` of a varying expression; both, because it is zero while its operand is."""
     signs = (n for n in visible if pool.nodes[n][0] == "sign" and n not in done)
     operands = [k for _, k in (pool.nodes[n] for n in signs) if moves(k)]
     return [pool.make(kind, k, pool.zero) for k in operands for kind in _SIGN]
@@ -296,8 +303,8 @@ def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], moves: M
 def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
     """`floor` or `ceil` of u as a number k that is constant until u leaves its step.
 
-    k is the value of the node at the last event, `pre` of itself. At the end of a step u equals it to rounding only, so
-    that k changes by one at least, and by more where u has jumped.
+    k is the value of the node at the last event, `pre` of itself. When u leaves a step, it equals the end of the step
+    only up to rounding errors. Therefore k changes by at least one, and by more if u has jumped.
     """
     k = pool.make("pre", number)
     up, down = pool.add(k, pool.one), pool.sub(k, pool.one)
@@ -308,16 +315,16 @@ def _stairs(pool: Pool, number: int, op: str, u: int) -> int:
     return pool.where(pool.make(rises, u, above), pool.make("max", up, here), lower)
 
 
-def _eventful(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> list[int]:
-    """Those of `roots` that contain an operation of `_EVENTFUL`, or a table that jumps."""
+def _with_events(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int]) -> list[int]:
+    """Those of `roots` that contain an operation of `_EVENT_OPERATIONS`, or a table that jumps."""
     nodes = pool.nodes
     below = pool.reachable(roots)
-    holds = set[int](jumping_tables(pool, below, definitions))
+    containing = set[int](jumping_tables(pool, below, definitions))
     for number in below:
         op, *operands = nodes[number]
-        if op in _EVENTFUL or (op not in LEAVES and not holds.isdisjoint(operands)):
-            holds.add(number)
-    return [n for n in roots if n in holds]
+        if op in _EVENT_OPERATIONS or (op not in LEAVES and not containing.isdisjoint(operands)):
+            containing.add(number)
+    return [n for n in roots if n in containing]
 
 
 def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
@@ -326,17 +333,17 @@ def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
     return sorted(closure(roots, lambda n: () if nodes[n][0] in LEAVES or nodes[n][0] == "noevent" else nodes[n][1:]))
 
 
-def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], moves: Moving) -> dict[str, set[int]]:
+def _conditions(pool: Pool, roots: Iterable[int], time_relations: set[int], moves: Moving) -> dict[str, set[int]]:
     """Nodes that become modes, by kind; nodes below a relation of time are skipped.
 
-    Below a `no_event` relations are no modes, but `pre` and the other kinds are.
+    Relations below a `no_event` are no modes, but `pre` and the other kinds are.
     """
     found: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
     seen: set[tuple[int, bool]] = set()
     stack = [(n, False) for n in roots]
     while stack:
         number, is_exempt = stack.pop()
-        if (number, is_exempt) in seen or (number, False) in seen or number in timely:
+        if (number, is_exempt) in seen or (number, False) in seen or number in time_relations:
             continue
         seen.add((number, is_exempt))
         node = pool.nodes[number]
@@ -352,23 +359,23 @@ def _conditions(pool: Pool, roots: Iterable[int], timely: set[int], moves: Movin
     return found
 
 
-def _position(reduced: ReducedSystem, scalar: int, place: dict[int, int]) -> tuple[int, bool] | None:
-    """(Index of a flat scalar among the states, whether it is the negative of that state); None for no state."""
+def _position(reduced: ReducedSystem, scalar: int, index_of: dict[int, int]) -> tuple[int, bool] | None:
+    """(Index of the state that equals a flat scalar, whether the scalar is its negative); None if it is no state."""
     op, *rest = reduced.pool.nodes[reduced.image[scalar]]
     negative = op == "neg"
     if negative:
         op, *rest = reduced.pool.nodes[rest[0]]
-    return (place[rest[0]], negative) if op == "var" and rest[0] in place else None
+    return (index_of[rest[0]], negative) if op == "var" and rest[0] in index_of else None
 
 
 def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause]:
     pool = reduced.pool
-    place = {v: k for k, v in enumerate(states)}
+    index_of = {v: k for k, v in enumerate(states)}
     for when, nodes in zip(reduced.flat.whens, reduced.whens, strict=True):
         actions = []
         for (scalar, _), value in zip(when.actions, nodes.values, strict=True):
-            found = _position(reduced, scalar, place)
-            if found is None:
+            position = _position(reduced, scalar, index_of)
+            if position is None:
                 raise StructureError(
                     "AC210",
                     f"{reduced.flat.scalar_name(scalar)} cannot be reset: it is not a state of {reduced.flat.name}",
@@ -378,27 +385,27 @@ def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause
                     help="reset the state it follows from, or declare it prefer_state=True or discrete()",
                 )
             is_impulse = pool.nodes[value][0] == IMPULSE  # an impulse acts with whatever sign it needs
-            actions.append((found[0], pool.neg(value) if found[1] and not is_impulse else value))
-        words = when.terminate, str(when.source), when.component, when.origin.span()
-        yield Clause(nodes.conditions, nodes.earlier, tuple(actions), *words)
+            actions.append((position[0], pool.neg(value) if position[1] and not is_impulse else value))
+        description = when.terminate, str(when.source), when.component, when.origin.span()
+        yield Clause(nodes.conditions, nodes.earlier, tuple(actions), *description)
 
 
 def _assignments(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Assignment]:
-    place = {v: k for k, v in enumerate(states)}
+    index_of = {v: k for k, v in enumerate(states)}
     for equation, node in zip(reduced.flat.assignments, reduced.assignments, strict=True):
-        found = _position(reduced, equation.scalar, place)
-        if found is not None:  # one that equals a parameter needs no assignment
-            yield Assignment(found[0], reduced.pool.neg(node) if found[1] else node, str(equation.source))
+        position = _position(reduced, equation.scalar, index_of)
+        if position is not None:  # a variable that equals a parameter needs no assignment
+            yield Assignment(position[0], reduced.pool.neg(node) if position[1] else node, str(equation.source))
 
 
-_SETTLED = frozenset(("const", "neg", "add", "sub", "mul", "div", "pow", *RELATIONS, "and", "or", "not"))
+_EVALUATED = frozenset(("const", "neg", "add", "sub", "mul", "div", "pow", *RELATIONS, "and", "or", "not"))
 
 
 def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
-    """Assertions, but those that hold whatever happens: of a torque that no connection lets act."""
+    """Assertions, except those that always hold, such as one on a torque that is zero without a connection."""
     for flat, node in zip(reduced.flat.asserts, reduced.asserts, strict=True):
-        is_settled = all(reduced.pool.nodes[n][0] in _SETTLED for n in reduced.pool.reachable([node]))
-        if is_settled and values(reduced.pool, [node], {})[node]:
+        is_constant = all(reduced.pool.nodes[n][0] in _EVALUATED for n in reduced.pool.reachable([node]))
+        if is_constant and values(reduced.pool, [node], {})[node]:
             continue
         yield Assert(node, flat.message, flat.level, flat.component, flat.origin.span())
 
@@ -406,40 +413,40 @@ def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
 def origins(
     solution: Solution, events: StateEvents, delays: Delays, rewritten: dict[int, int]
 ) -> list[tuple[Span | None, str]]:
-    """Place and component of the first statement that contains each relation."""
+    """Place in the source and component of the first statement that contains each relation."""
     reduced = solution.structure.reduced
     flat, pool = reduced.flat, reduced.pool
     rows = {v: b.rows for b in solution.structure.blocks for v in b.columns}
-    held: list[tuple[int, Span | None, str]] = []
+    statements: list[tuple[int, Span | None, str]] = []
     for c in events.clauses:
-        held += [(n, c.where, c.component) for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
-    held += [(a.condition, a.where, a.component) for a in events.asserts]
-    held += [
+        statements += [(n, c.where, c.component) for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
+    statements += [(a.condition, a.where, a.component) for a in events.asserts]
+    statements += [
         (node, e.origin.span() if e.origin else None, e.component)
         for e, node in zip(flat.assignments, reduced.assignments, strict=True)
     ]
-    held += [(n, d.where, d.component) for d in delays.items for n in (delays.sources[d.source], d.time)]
+    statements += [(n, d.where, d.component) for d in delays.items for n in (delays.sources[d.source], d.time)]
     equations = [(node, solution.structure.flat_equation(rows[v][0])) for v, node in solution.definitions if v in rows]
     equations += [(node, solution.structure.flat_equation(e)) for e, node in enumerate(solution.structure.residuals)]
     found: dict[int, tuple[Span | None, str]] = {}
     missing = set(events.relations)
-    # what an earlier statement holds is its own: nodes are visited once, however many statements share them
+    # A relation belongs to the first statement that contains it, so that every node is visited only once.
     done, seen = dict(rewritten), set[int]()
 
-    def first_held(node: int) -> set[int]:
+    def relations_in(node: int) -> set[int]:
         pool.rewrite([node], pool.var, done)
-        fresh = pool.reachable([done[node]], seen)
-        seen.update(fresh)
-        return missing.intersection(fresh)
+        unvisited = pool.reachable([done[node]], seen)
+        seen.update(unvisited)
+        return missing.intersection(unvisited)
 
-    for node, where, component in held:
-        for r in first_held(node):
+    for node, where, component in statements:
+        for r in relations_in(node):
             found[r] = (where, component)
     missing -= found.keys()
     for node, k in equations:
         if not missing:
             break
-        for r in first_held(node):
+        for r in relations_in(node):
             equation = flat.equations[k]
             found[r] = (equation.origin.span() if equation.origin else None, equation.component)
         missing -= found.keys()

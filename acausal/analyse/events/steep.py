@@ -1,9 +1,10 @@
-"""Steep functions, which change only in a narrow range of their argument, and these arguments.
+"""Steep functions, which change only in a narrow range of their argument, and their arguments.
 
-For `tanh`, `atan`, `exp`, high powers, and roots and quotients of squares with a floor, a rate is constant far from
-that range, and nothing but the argument bounds the step of a solver. The argument is smooth. Between two instants at
-which the argument is monotone, the change of the function shows at the ends; it may come and go where the argument
-turns and, for several steps in one rate, where one of them is in its middle.
+Examples are `tanh`, `atan`, `exp`, high powers, and roots of and divisions by a square plus a small constant. Far from
+that range a rate is constant, so that nothing but the argument bounds the step of a solver, and the argument is smooth.
+Between two instants over which the argument is monotone, the values at the ends show that the function has changed. It
+may change and change back where the argument has an extremum, or, if one rate contains several steps, where one of them
+is at its middle.
 """
 
 from __future__ import annotations
@@ -20,36 +21,35 @@ from acausal.numeric.samples import SamplePoints
 
 _NAMED = {"tanh": "tanh", "atan": "atan", "exp": "exp", "cosh": "cosh", "sinh": "cosh"}
 _KINKS = frozenset(("min", "max", "noevent"))
-_LARGE = 8.0
-# An argument that changes by less than this factor at the sample points is no narrow valley.
-_FACTOR = 300.0
-# Share of a sum by which rounding may make it negative.
+_LEAST_EXPONENT = 8.0
+# An argument whose samples differ by less than this factor has no narrow valley.
+_VALLEY_RATIO = 300.0
+# Fraction of an upper bound by which rounding errors may make a lower bound of zero negative.
 _ROUNDING = 1e-12
 STEPS = frozenset(("tanh", "atan"))
-"""Functions that go from one value to another, around zero."""
+"""Functions that go from one limit to another, around a zero of their argument."""
 _THROUGH = frozenset(("add", "sub", "neg", "mul", "div", "sqrt", "pow"))
 _SUMS = frozenset(("add", "sub"))
 
 
 @dataclass(frozen=True)
 class Base:
-    """An exponential of another base, whose logarithm is the `rate`."""
+    """An exponential with another base than e; `rate` is the logarithm of the base."""
 
     rate: float
 
 
 Kind = str | float | Base
-"""Of a steep function: "tanh", "atan", "exp", "cosh", which stands for sinh too, another base, or an exponent."""
+"""Kind of a steep function: "tanh", "atan", "exp", "cosh" (also for sinh), a `Base`, or the exponent of a power."""
 
 
 @dataclass(frozen=True)
 class Steep:
     """Arguments of steep functions, as nodes, and the kind of function of each.
 
-    Roots and denominators are powers. `middles` are nodes
-    with a zero where the function changes: the argument of a step, or w for an argument that is even in w; each with
-    the index of its argument. `functions` are the nodes of the functions, in evaluation order, each with the indices of
-    its arguments; a factor of the function may be zero while a relation is false.
+    Roots and denominators count as powers. `middles` are nodes that are zero where the function changes, each with the
+    index of its argument: the argument of a step itself, or w for an argument that is even in w. `functions` are the
+    nodes of the functions, in evaluation order, each with the indices of its arguments.
     """
 
     arguments: tuple[int, ...] = ()
@@ -59,7 +59,7 @@ class Steep:
 
 
 class Moving:
-    """Whether a node changes between events."""
+    """Tells whether a node varies between events."""
 
     def __init__(self, pool: Pool, discrete: frozenset[int]) -> None:
         self._pool, self._discrete = pool, discrete
@@ -77,12 +77,11 @@ class Moving:
 
 
 def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Callable[[int], bool]) -> Steep:
-    """The steep functions among `reachable` nodes, in evaluation order, whose argument `moves` between events."""
+    """The steep functions among `reachable` nodes, in evaluation order, whose argument varies between events."""
     index_of: dict[tuple[int, Kind], int] = {}
     functions: list[tuple[int, tuple[int, ...]]] = []
-    candidates = [
-        (n, a) for n, a in _arguments(pool, reachable, moves) if moves(a)
-    ]  # few, as most quotients divide by parameters
+    # Few, because most quotients divide by parameters.
+    candidates = [(n, a) for n, a in _arguments(pool, reachable, moves) if moves(a)]
     if not candidates:
         return Steep()
     below = pool.reachable(a for _, a in candidates)
@@ -94,8 +93,8 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
         low, high = bounds[argument]
         low, high = (low, high) if low + high > 0.0 else (-high, -low)
         if low >= -_ROUNDING * high and math.isfinite(high):
-            return high > _FACTOR * low or any(pool.nodes[n][0] == "par" for n in pool.reachable([argument]))
-        return has_floor[argument] or (low > 0.0 and _is_wide(points, argument))
+            return high > _VALLEY_RATIO * low or any(pool.nodes[n][0] == "par" for n in pool.reachable([argument]))
+        return has_floor[argument] or (low > 0.0 and _is_narrow_valley(points, argument))
 
     for number, argument in candidates:
         op, *operands = pool.nodes[number]
@@ -108,14 +107,14 @@ def steep(pool: Pool, points: SamplePoints, reachable: Iterable[int], moves: Cal
             kind = Base(_rate(points, operands[0]))
         elif op == "pow":
             exponent = float(points.of(operands[1])[0])
-            if exponent >= _LARGE or (exponent < 1.0 and is_valley(argument)):
+            if exponent >= _LEAST_EXPONENT or (exponent < 1.0 and is_valley(argument)):
                 kind = exponent
         if kind is not None:
-            places = [index_of.setdefault((n, kind), len(index_of)) for n in _operands_of_kinks(pool, argument, moves)]
-            functions.append((number, tuple(places)))
+            indices = [index_of.setdefault((n, kind), len(index_of)) for n in _operands_of_kinks(pool, argument, moves)]
+            functions.append((number, tuple(indices)))
     middles = [
-        (w, place)
-        for place, (argument, kind) in enumerate(index_of)
+        (w, index)
+        for index, (argument, kind) in enumerate(index_of)
         for w in ([argument] if kind in STEPS else _even_variables(pool, argument, moves))
     ]
     return Steep(tuple(n for n, _ in index_of), tuple(kind for _, kind in index_of), tuple(middles), tuple(functions))
@@ -136,7 +135,7 @@ def _arguments(pool: Pool, reachable: Iterable[int], moves: Callable[[int], bool
 
 
 def _rate(points: SamplePoints, base: int) -> float:
-    """The logarithm of a base, which is never zero: its largest size where it moves."""
+    """The logarithm of a base, the largest in magnitude if the base varies; 1 where it would be zero or undefined."""
     values = np.abs(points.everywhere(base))
     with np.errstate(divide="ignore"):
         sizes = np.log(values[np.isfinite(values)])
@@ -145,7 +144,7 @@ def _rate(points: SamplePoints, base: int) -> float:
 
 
 def _even_variables(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
-    """Nodes of which an expression is an even function, as far as its sums, products and roots show it."""
+    """Nodes of which an expression contains an even function, found through its sums, products, powers and roots."""
     found, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
@@ -170,7 +169,7 @@ def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
 
 
 def _operands_of_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
-    """An argument, or the operands of `minimum` and `maximum` in it, any of which may be constant for long."""
+    """An argument, or if it is a `minimum` or `maximum` the operands, because the result may be constant for long."""
     found, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
@@ -185,17 +184,17 @@ def _operands_of_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) ->
     return found
 
 
-def _is_wide(points: SamplePoints, number: int) -> bool:
-    """Whether a sum of a floor and a square is a narrow valley: at some sample points it is far larger."""
+def _is_narrow_valley(points: SamplePoints, number: int) -> bool:
+    """Whether a positive argument has a narrow valley: at some sample points it is far larger than at others."""
     values = np.abs(points.everywhere(number))
     values = values[np.isfinite(values)]
-    return bool(values.size and values.max() > _FACTOR * values.min())
+    return bool(values.size and values.max() > _VALLEY_RATIO * values.min())
 
 
 def _floors(pool: Pool, reachable: Iterable[int], moves: Callable[[int], bool]) -> dict[int, bool]:
     """Whether each of these nodes contains the sum of a constant and an even power: w**2 + eps**2.
 
-    One pass in evaluation order: walks from every root would visit shared expressions repeatedly.
+    A single pass in evaluation order; a search from every root would visit shared expressions repeatedly.
     """
     constant: dict[int, bool] = {}
     even: dict[int, bool] = {}
@@ -209,6 +208,6 @@ def _floors(pool: Pool, reachable: Iterable[int], moves: Callable[[int], bool]) 
         elif op == "mul" and operands[0] == operands[1]:
             even[here] = True
         elif op in _SUMS or op in ("mul", "div"):
-            inside = operands if op in _SUMS else [n for n in operands if moves(n)]
-            constant[here], even[here] = (any(known[n] for n in inside) for known in (constant, even))
+            relevant = operands if op in _SUMS else [n for n in operands if moves(n)]
+            constant[here], even[here] = (any(flag[n] for n in relevant) for flag in (constant, even))
     return {n: constant[n] and even[n] for n in constant}

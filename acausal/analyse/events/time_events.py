@@ -1,14 +1,14 @@
 """Time events: relations that depend on time and parameters only, whose instants are known before the run.
 
 The run is divided there. Within a segment such a relation is a constant mode, and the right-hand side is smooth in time
-up to both ends. No solver has to discover a pulse: six of them return 0 for one of 10 ms.
+up to both ends. No solver has to discover a pulse; left to themselves, six solvers overlook one of 10 ms and return 0.
 
-The ends of stretches of long tables are stops, too. A table of `slope * (time - origin)`, with both free of variables,
-is known before the run, and its stops depend on the tolerance. For a table of a variable, relations of the number of
-the current stretch locate them: a change at the end of a stretch may be over before the next step ends. The stretch
-number is the integer part (`floor`) of a piecewise linear function, so that two relations locate all ends of a table,
-whatever their number and the direction of passage. It occurs in no equation: the table itself stays one function
-(`acausal.lookup`), since ten thousand relations would be as many modes.
+The ends of the stretches of long tables are stops, too. Those of a table of `slope * (time - origin)`, where both
+depend on parameters only, are known before the run and depend on the tolerance. For a table of a variable, relations of
+the number of the current stretch locate the ends, because a change at the end of a stretch may be over before the next
+step ends. The stretch number is the integer part (`floor`) of a piecewise linear function, so that two relations locate
+all ends of a table, whatever their number and the direction of passage. It occurs in no equation: the table itself
+remains one function (`acausal.lookup`), since ten thousand relations would be as many modes.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class TimeEvents:
     """Relation nodes that switch at known instants.
 
     `instants[k]` is the node of the time at which `relations[k]` changes, `slopes[k]` that of the rate of its left
-    minus its right side; both depend on parameters only. `rewritten` maps min, max, fabs and sign of time to branches
-    on such relations.
+    minus its right side; both depend on parameters only. `rewritten` maps `min`, `max`, `fabs` and `sign` of time to
+    branches on such relations.
     """
 
     relations: tuple[int, ...]
@@ -49,7 +49,7 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
     switched = [n for n in pool.reachable(roots) if pool.nodes[n][0] in _SWITCHED]
     if not switched:
         return TimeEvents((), (), (), {})
-    timely = _timely(pool, pool.reachable(switched))
+    timely = _of_time_only(pool, pool.reachable(switched))
     passage_of: dict[int, tuple[int, int]] = {}
     rewritten: dict[int, int] = {}
     for number in switched:
@@ -71,10 +71,10 @@ def find_time_events(pool: Pool, roots: Iterable[int]) -> TimeEvents:
     return TimeEvents(tuple(passage_of), instants, slopes, rewritten)
 
 
-def _timely(pool: Pool, wanted: list[int]) -> set[int]:
+def _of_time_only(pool: Pool, nodes_in_order: list[int]) -> set[int]:
     """Nodes that depend on time but on no variable."""
     depends: dict[int, tuple[bool, bool]] = {}
-    for number in wanted:
+    for number in nodes_in_order:
         node = pool.nodes[number]
         if node[0] in ("const", "par"):
             depends[number] = (False, False)
@@ -114,16 +114,16 @@ def _branch(pool: Pool, op: str, args: tuple[int, ...]) -> tuple[int, int, tuple
     return pool.where(relation, a, b), relation, passage
 
 
-# Part of a stretch, from either end, in which its number has the slope of that end.
-_NEAR = 0.25
+# Fraction of a stretch, from either end, over which the stretch number has the slope that belongs to that end.
+_END_FRACTION = 0.25
 
 
 def stretch_numbers(
     pool: Pool, roots: Iterable[int], definitions: Mapping[int, int], relative: float
 ) -> tuple[tuple[int, ...], int]:
-    """(Nodes of the stretch numbers of all tables of variables below `roots`, number of ends that are no stops).
+    """(Nodes of the stretch numbers of all tables of variables below `roots`, number of ends that are not located).
 
-    `relative`: relative tolerance of the run.
+    `relative` is the relative tolerance of the run.
     """
     found: dict[int, int] = {}
     seen: set[int] = set()
@@ -131,7 +131,7 @@ def stretch_numbers(
     while stack:
         number = stack.pop()
         op, *operands = pool.nodes[number]
-        # nodes below `floor` and `ceil` are constant between events
+        # `floor` and `ceil` are constant between events, whatever is below them.
         if number in seen or op in LEAVES or op in ("floor", "ceil"):
             continue
         seen.add(number)
@@ -141,35 +141,35 @@ def stretch_numbers(
             continue
         ends = stops(table, relative).tolist() if len(table.coefficients[0]) > 1 else []
         if ends:
-            place = segment_number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
-            found[place] = len(table_ends(table, relative)) - len(ends)
+            segment = segment_number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
+            found[segment] = len(table_ends(table, relative)) - len(ends)
     return tuple(found), sum(found.values())
 
 
 def segment_number(pool: Pool, argument: int, ends: list[float]) -> int:
-    """The node of the number of the segment between two `ends` that holds `argument`, the first and last extended."""
-    places = lookup(*_line(ends), "stretch")
-    place = pool.make(Call(places, 0), argument)
-    inside = pool.make("min", pool.make("max", place, pool.const(0.5)), pool.const(len(ends) - 1.5))
+    """The node of the number of the segment between `ends` that contains `argument`; the outer ones are unbounded."""
+    line = lookup(*_line(ends), "stretch")
+    position = pool.make(Call(line, 0), argument)
+    inside = pool.make("min", pool.make("max", position, pool.const(0.5)), pool.const(len(ends) - 1.5))
     return pool.make("floor", inside)
 
 
 def _line(ends: list[float]) -> tuple[list[float], list[tuple[float, float]]]:
     """Breaks and rows of a piecewise linear function that equals k at end k, and has no kink there.
 
-    A run that stops at an end restarts within rounding of it, on either side, and predicts the relations by their
-    rates. If these jumped at the end, from stretches of 2e-4 s to one of 10 s by a factor of 50 000, a row would be
-    searched in ever smaller parts. So the slope at an end is that of its longer stretch, up to a quarter of the shorter
-    one.
+    A run that stops at an end restarts on either side of it, within rounding errors, and predicts the relations by
+    their rates. If the rate jumped at the end, for instance by a factor of 50 000 between stretches of 2e-4 s and 10 s,
+    the search for an event would divide a step of the solver into ever smaller parts. The slope at an end is therefore
+    that of the longer of its two stretches, over a quarter of each stretch.
     """
     lengths = np.diff(ends)
     slopes = 1.0 / np.maximum(np.append(0.0, lengths), np.append(lengths, 0.0))
     breaks, rows = [ends[0]], list[tuple[float, float]]()
     for k, (a, b) in enumerate(pairwise(ends)):
-        near = _NEAR * (b - a)
-        left, right = k + near * slopes[k], k + 1.0 - near * slopes[k + 1]
-        steep = (right - left) / (b - a - 2.0 * near)
-        breaks += [a + near, b - near, b]
+        reach = _END_FRACTION * (b - a)
+        left, right = k + reach * slopes[k], k + 1.0 - reach * slopes[k + 1]
+        steep = (right - left) / (b - a - 2.0 * reach)
+        breaks += [a + reach, b - reach, b]
         rows += [(float(k), float(slopes[k])), (float(left), float(steep)), (float(right), float(slopes[k + 1]))]
     return breaks, rows
 
@@ -198,7 +198,7 @@ def time_tables(pool: Pool, roots: Iterable[int], definitions: Mapping[int, int]
 
 
 def is_of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> bool:
-    """Whether a node is affine in time, with coefficients free of variables, or constant."""
+    """Whether a node is constant, or affine in time with coefficients that depend on parameters only."""
     argument = _of_time(pool, number, definitions)
     return argument is not None and (
         affine_in_time(pool, argument) is not None or pool.time not in pool.reachable([argument])

@@ -8,15 +8,15 @@ import numpy as np
 
 from acausal.flatten.pool import Pool
 
-_LARGE = 8.0
-_LEAST = -300.0
+_LOWEST_EXPONENT = 8.0
+_LOWEST_LOGARITHM = -300.0
 
 
 def without_underflow(pool: Pool, roots: Iterable[int], done: dict[int, int]) -> dict[int, int]:
-    """Images of exponentials and high even powers that are constant where they are below 1e-130; added to `done` too.
+    """Images of exponentials and high even powers that are constant where they are below 1e-130; `done` receives them.
 
-    A factorisation takes squares, and divides by squares close to underflow (1e-155 squared), so that a run stopped
-    with AC400 far from any burst.
+    A factorisation squares entries and divides by the squares. Where these underflow (1e-155 squared), a run would stop
+    with AC400, far from any burst.
     """
     found: dict[int, int] = {}
     for number in pool.reachable(roots):
@@ -26,12 +26,12 @@ def without_underflow(pool: Pool, roots: Iterable[int], done: dict[int, int]) ->
         exponent = pool.nodes[operands[-1]]
         if op == "exp":
             pool.rewrite(operands, pool.var, done)
-            cut = pool.make("exp", pool.make("max", done[operands[0]], pool.const(_LEAST)))
-        elif exponent[0] == "const" and exponent[1] >= _LARGE and exponent[1] % 2.0 == 0.0:
+            bounded = pool.make("exp", pool.make("max", done[operands[0]], pool.const(_LOWEST_LOGARITHM)))
+        elif exponent[0] == "const" and exponent[1] >= _LOWEST_EXPONENT and exponent[1] % 2.0 == 0.0:
             pool.rewrite(operands, pool.var, done)
-            least = pool.const(float(np.exp(_LEAST / exponent[1])))
-            cut = pool.make("pow", pool.make("max", pool.make("fabs", done[operands[0]]), least), operands[1])
+            least = pool.const(float(np.exp(_LOWEST_LOGARITHM / exponent[1])))
+            bounded = pool.make("pow", pool.make("max", pool.make("fabs", done[operands[0]]), least), operands[1])
         else:
             continue
-        found[number] = done[number] = cut
+        found[number] = done[number] = bounded
     return found
