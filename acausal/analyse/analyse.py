@@ -261,7 +261,10 @@ class _System:
         return self.pool.par(len(self.reduced.flat.parameter_values))
 
     def stabilise(self, highest: Sequence[int], integral: dict[int, int]) -> list[tuple[int, int]]:
-        """Replace the highest derivatives of constraints by (d/dt + rate)^k g; return (equation, node) of lower ones."""
+        """Replace highest derivatives of constraints by (d/dt + rate)^k g; return (equation, node) of all lower ones.
+
+        These are the constraints themselves and their derivatives below the highest.
+        """
         invariants = []
         original = list(self.residuals)
         derivative = {old: new for new, old in integral.items()}

@@ -44,7 +44,7 @@ BUILD: dict[str, Callable[..., Any]] = {
     "not": ca.logic_not,
     "where": ca.if_else,
     "noevent": lambda a: a,
-    "sample": lambda start, interval: ca.SX(0),  # true at isolated instants only, where the run sets its mode
+    "sample": lambda start, interval: ca.SX(0),  # true at isolated instants only; the run sets its mode there
     "pre": lambda a: a,
     IMPULSE: lambda velocity, value: value - velocity,
     "initial": lambda: ca.SX(0),
@@ -56,15 +56,15 @@ BUILD: dict[str, Callable[..., Any]] = {
 _LOGIC = frozenset(("where", "and", "or", "not"))
 _ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "infinitesimal", "terminal"))
 
-# From this many equal operations on a level, a column is cheaper than scalars.
+# With at least this many equal operations on a level, a column is cheaper than scalars.
 _COLUMN_SIZE = 6
 
 
 class Builder:
     """Lowers nodes of one pool on demand.
 
-    `know` assigns symbols to variables, `definitions` maps variables to the nodes they equal, and `done` holds the SX
-    of nodes lowered so far, at first those of the modes of relations.
+    `assign` gives variables their symbols, `definitions` maps variables to the nodes that they equal, and `done` holds
+    the SX of nodes lowered so far, at first those of the modes of relations.
     """
 
     def __init__(self, pool: Pool, time: Any, parameters: Any, modes: Mapping[int, Any]) -> None:
@@ -73,36 +73,36 @@ class Builder:
         self.parameters = parameters
         self.definitions: dict[int, int] = {}
         self.done: dict[int, Any] = dict(modes)
-        self.homotopy: Any = None  # 0 at the simplified, 1 at the actual side of homotopy(...); None means 1
+        self.homotopy: Any = None  # weight of the actual expression in homotopy(...), 0 to 1; None means 1
         self.windows: list[Any] = []  # modes of each delay
-        # nodes replaced by another function of their operands
+        # Nodes that are replaced by another function of their operands.
         self.changes: Mapping[int, Callable[[list[Any]], Any]] = {}
         self.blend = False  # whether `where` is a weighted mean, for conditions between 0 and 1 (sliding modes)
         self._values: Any = ca.SX(0, 1)  # grows by doubling: appending would copy it for each column
         self._filled = 0
         self._external_outputs: dict[tuple[External, tuple[int, ...]], list[Any]] = {}
-        self._place: dict[int, int] = {}  # of nodes in `_values`; a node may be in `done`, here, or in both
+        self._index: dict[int, int] = {}  # of nodes in `_values`; a node may be in `done`, in `_index`, or in both
 
-    def know(self, variables: Sequence[int], values: Any) -> None:
-        """Let variables be the entries of a column from now on."""
+    def assign(self, variables: Sequence[int], values: Any) -> None:
+        """Let variables be the entries of a column."""
         self._append(self.pool.vars(variables), values)
 
     def lower(self, roots: Iterable[int]) -> list[Any]:
-        """SX scalar of each root. Every variable below it must be known or defined, else KeyError."""
+        """SX scalar of each root. Every variable below it must be assigned or defined, else KeyError."""
         nodes = [self.resolved(r) for r in roots]
         self._lower(nodes)
         return [self._scalar(r) for r in nodes]
 
     def column(self, roots: Iterable[int]) -> Any:
-        """SX column of the roots, as `lower`."""
+        """SX column of the roots; otherwise like `lower`."""
         nodes = [self.resolved(r) for r in roots]
         self._lower(nodes)
         return self._gather(nodes) if len(nodes) >= _COLUMN_SIZE else ca.vertcat(ca.SX(0, 1), *map(self._scalar, nodes))
 
     def resolved(self, number: int) -> int:
-        """The node itself, or the definition of a defined variable, followed to its end."""
+        """The node itself, or the definition of a defined variable, followed through chains of definitions."""
         nodes = self.pool.nodes
-        while number not in self.done and number not in self._place:
+        while number not in self.done and number not in self._index:
             node = nodes[number]
             if node[0] != "var" or node[1] not in self.definitions:
                 break
@@ -132,30 +132,30 @@ class Builder:
                 self._append(members, BUILD[op](*[self._gather(c) for c in columns]))
 
     def _levels(self, roots: Sequence[int]) -> tuple[dict[tuple[int, str], list[int]], dict[int, list[int]]]:
-        """Nodes not lowered yet by (level, operation), and their operands; nothing below a mode is visited."""
-        nodes, done, place, resolved = self.pool.nodes, self.done, self._place, self.resolved
+        """Nodes not lowered yet, by (level, operation), and their operands; nodes below a mode are not visited."""
+        nodes, done, index, resolved = self.pool.nodes, self.done, self._index, self.resolved
         levels: dict[tuple[int, str], list[int]] = {}
         level: dict[int, int] = {}
         operands: dict[int, list[int]] = {}
-        stack = [r for r in roots if r not in done and r not in place]
+        stack = [r for r in roots if r not in done and r not in index]
         while stack:
             number = stack[-1]
             if number in level:
                 stack.pop()
                 continue
             op, *below = nodes[number]
-            own_level = 0
+            node_level = 0
             if op not in LEAVES:
-                known = operands.get(number)
-                if known is None:
-                    known = operands[number] = [c if c in level or c in place else resolved(c) for c in below]
-                    missing = [c for c in known if c not in level and c not in place and c not in done]
+                inner = operands.get(number)
+                if inner is None:
+                    inner = operands[number] = [c if c in level or c in index else resolved(c) for c in below]
+                    missing = [c for c in inner if c not in level and c not in index and c not in done]
                     if missing:
                         stack.extend(missing)
                         continue
-                own_level = 1 + max([level.get(c, 0) for c in known], default=0)
-            level[number] = own_level
-            levels.setdefault((own_level, op), []).append(number)
+                node_level = 1 + max([level.get(c, 0) for c in inner], default=0)
+            level[number] = node_level
+            levels.setdefault((node_level, op), []).append(number)
             stack.pop()
         return levels, operands
 
@@ -173,14 +173,14 @@ class Builder:
     def _operation(self, op: str, operands: Sequence[Any]) -> Any:
         if op == "where" and self.blend:
             c, a, b = operands
-            return ca.if_else(c, c * a, 0) + ca.if_else(c - 1, (1 - c) * b, 0)  # the other branch may be infinite
+            return ca.if_else(c, c * a, 0) + ca.if_else(c - 1, (1 - c) * b, 0)  # a branch of weight 0 may be infinite
         if op != "homotopy":
             return BUILD[op](*operands)
         actual, simplified = operands
         return actual if self.homotopy is None else self.homotopy * actual + (1 - self.homotopy) * simplified
 
     def _external(self, op: Call, operands: tuple[int, ...]) -> Any:
-        """One scalar output of an external function, which is called once for all its outputs."""
+        """One scalar output of an external function; the function is called once for all its outputs."""
         key = op.external, operands
         if key not in self._external_outputs:
             self._external_outputs[key] = call(op.external, [self._scalar(c) for c in operands])
@@ -189,7 +189,7 @@ class Builder:
     def _threshold_booleans(self, op: str, operands: Sequence[int], values: list[Any]) -> list[Any]:
         """Operands, with boolean variables compared with one half.
 
-        To an integrator they are states of rate zero, whose corrections turn 0 into 1e-20: that would count as true.
+        To an integrator they are states of rate zero, whose corrections may turn 0 into 1e-20, which is true.
         """
         if op not in _LOGIC:
             return values
@@ -201,25 +201,25 @@ class Builder:
         ]
 
     def _append(self, members: Sequence[int], values: Any) -> None:
-        first, room = self._filled, self._values.numel()
+        first, capacity = self._filled, self._values.numel()
         self._filled += len(members)
-        if self._filled > room:
-            self._values = ca.vertcat(self._values, ca.SX.zeros(max(room, self._filled - room)))
+        if self._filled > capacity:
+            self._values = ca.vertcat(self._values, ca.SX.zeros(max(capacity, self._filled - capacity)))
         if members:
             self._values[first : self._filled] = values
-        self._place.update(zip(members, range(first, self._filled), strict=True))
+        self._index.update(zip(members, range(first, self._filled), strict=True))
 
     def _scalar(self, number: int) -> Any:
         if number not in self.done:
-            self.done[number] = self._values[self._place[number]]
+            self.done[number] = self._values[self._index[number]]
         return self.done[number]
 
     def _gather(self, members: Sequence[int]) -> Any:
         """Values of lowered nodes as a column."""
-        scalars = [n for n in dict.fromkeys(members) if n not in self._place]
+        scalars = [n for n in dict.fromkeys(members) if n not in self._index]
         if scalars:
             self._append(scalars, ca.vertcat(*(self.done[n] for n in scalars)))
-        return self._values[[self._place[n] for n in members]]
+        return self._values[[self._index[n] for n in members]]
 
 
 class Symbols:
@@ -239,7 +239,7 @@ class Symbols:
         return [self.t, self.x, self.z, self.u, self.p, self.m]
 
     def builder(self, compiled: Lowered) -> DefiningBuilder:
-        """A builder that knows states, algebraic variables, inputs and modes."""
+        """A builder with symbols for states, algebraic variables, inputs and modes."""
         solution = compiled.solution
         modes = {n: self.m[k] for k, n in zip(compiled.mode_places, compiled.mode_nodes, strict=True)}
         builder = DefiningBuilder(solution.structure.reduced.pool, self.t, self.p, modes)
@@ -250,18 +250,18 @@ class Symbols:
             (self.z, solution.algebraic),
             (self.input_values(compiled), solution.structure.reduced.inputs),
         ):
-            builder.know(variables, symbols)
+            builder.assign(variables, symbols)
         return builder
 
     def defined(self, compiled: Lowered, blend: bool = False) -> DefiningBuilder:
-        """As `builder`, with all definitions; `blend` for modes between 0 and 1."""
+        """Like `builder`, with all definitions; `blend` for modes between 0 and 1."""
         builder = self.builder(compiled)
         builder.blend = blend
         builder.define(compiled.solution.definitions, compiled.rewritten)
         return builder
 
     def input_values(self, compiled: Lowered) -> Any:
-        """Inputs in the equations: entries of u, and polynomials in time for driven ones."""
+        """Inputs as the equations contain them: entries of u, or polynomials in time for driven ones."""
         u, first = ca.SX(self.u), len(compiled.time_events.relations)
         for k, place in enumerate(compiled.driven):
             u[place] = polynomial(self.m[first + k * INPUT_WIDTH : first + (k + 1) * INPUT_WIDTH], self.t)
@@ -278,7 +278,7 @@ class DefiningBuilder(Builder):
             self.definitions[variable] = node
 
     def replaced(self, nodes: Iterable[int]) -> list[int]:
-        """Nodes with relations and kinks in them replaced by branches on modes."""
+        """Nodes with the relations and kinks in them replaced by branches on modes."""
         nodes = list(nodes)
         if not self.rewritten:
             return nodes

@@ -15,9 +15,9 @@ FUNCTIONS = (
     *("dae", "ode", "implicit", "outputs", "init", "step", "too_large", "step_error"),
     *("determinants", "invariants", "instants"),
 )
-"""Names of the functions of a `CasadiModel`, in the order in which files hold them."""
+"""Names of the functions of a `CasadiModel`, in their order in files."""
 EVENT_FUNCTIONS = ("dae", "indicators", "react", "clocks", "round")
-"""The same of `CasadiEvents`."""
+"""Names of the functions of `CasadiEvents`, likewise."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Port:
     Parameters
     ----------
     name, unit, doc
-        Path in the model, unit as declared ("" where none was), one-line meaning.
+        Path in the model, declared unit ("" if there is none), one-line meaning.
     start
         Value at the start with the declared parameters; of a parameter, its value; of an input, its guess, else 0.
     nominal
-        Magnitude to scale with.
+        Magnitude for scaling.
     min, max
-        Declared limits, infinite where none were; the functions do not enforce them.
+        Declared limits, infinite if there are none; the functions do not enforce them.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Ports(tuple[Port, ...]):
         return [port.max for port in self]
 
     def position(self, name: str, place: str = "this vector") -> int:
-        """Index of an entry; UsageError AC010 with the nearest names when there is none."""
+        """Index of an entry; raises UsageError AC010, with the nearest names, if there is none."""
         for k, port in enumerate(self):
             if port.name == name:
                 return k
@@ -85,7 +85,7 @@ class Ports(tuple[Port, ...]):
             "AC010",
             f"'{name}' is not in {place}",
             evidence=meant(name, self.names),
-            help=f"it holds: {', '.join(self.names) or 'nothing'}",
+            help=f"it contains: {', '.join(self.names) or 'nothing'}",
         )
 
 
@@ -101,13 +101,13 @@ class CasadiEvents:
     dae
         `(t, x, z, u, p, m) -> (ode, alg, y)`.
     indicators
-        `(t, x, z, u, p, m) -> g`: positive while the relations of variables hold as `m` says; an event is where one
-        becomes negative.
+        `(t, x, z, u, p, m) -> g`: positive as long as the relations of variables agree with `m`; an event is where one
+        entry becomes negative.
     react
         `(t, x, z, u, p, m, ticks) -> (x_after, z_after, m_after, settled)`: event iteration at an instant: relations
         flip, `when`s act and discrete equations are solved until nothing changes. `ticks`, shape (clocks,), is 1 for
-        each of `clocks` that ticks at it. `settled` is 0 when the rounds did not suffice, or two clauses set one
-        variable to different values. An integer that gets a fraction is nan. MX.
+        each of `clocks` that ticks at this instant. `settled` is 0 if the rounds did not suffice, or two clauses set
+        one variable to different values. An integer variable that is set to a fraction becomes nan. MX.
     clocks
         `(p) -> (first, interval)`, shape (clocks,): clock k ticks at first[k], first[k] + interval[k], ...
     round
@@ -126,58 +126,59 @@ class CasadiEvents:
 
 @dataclass(frozen=True, eq=False)
 class CasadiModel:
-    """CasADi functions of a model, in SI units, and what their arguments mean; made by `compiled.casadi()`.
+    """CasADi functions of a model, in SI units, and the meaning of their arguments; made by `compiled.casadi()`.
 
-    Vectors are columns; `x` states, `z` algebraic variables, `u` the model's own inputs, `p` parameters, `y` outputs.
-    They are described, in order, by the attributes of the same names. No function has the argument `t` where nothing
-    in the model depends on the time. First and second derivatives are finite wherever the values are, see
+    Vectors are columns: `x` states, `z` algebraic variables, `u` the inputs of the model itself, `p` parameters, `y`
+    outputs. The attributes of the same names describe their entries in order. If nothing in the model depends on time,
+    no function has the argument `t`. First and second derivatives are finite wherever the values are, see
     `acausal.export.casadi.finite`. docs/casadi.md shows each function in use.
 
     Attributes
     ----------
     dae
         `(t, x, z, u, p) -> (ode, alg, y)`: x' = ode, 0 = alg, index 1; SX, so it can be mapped, differentiated and
-        generated as C. For transcriptions that keep z among their unknowns (collocation): the sturdiest way.
+        generated as C. For transcriptions that keep z among their unknowns (collocation), which is most robust.
     ode
-        `(t, x, u, p) -> (xdot, y)`: the same without z. Without algebraic variables it is SX. With them a Newton
-        iteration inside (MX, CasADi's rootfinder `newton` with line search, on variables divided by their nominal
-        magnitudes) starts at the z of the model's start, whatever x is; CasADi differentiates it any number of times
-        by the implicit function theorem. It raises RuntimeError where it does not converge. For shooting and explicit
-        integrators.
+        `(t, x, u, p) -> (xdot, y)`: the same without z, for shooting and explicit integrators. It is SX if the model
+        has no algebraic variables. Otherwise it contains a Newton iteration (MX, CasADi's rootfinder `newton` with line
+        search, on variables divided by their nominal magnitudes), which starts at the z of the model's start, whatever
+        x is. CasADi differentiates it any number of times by the implicit function theorem. It raises RuntimeError
+        where it does not converge.
     implicit
         `(t, xdot, x, z, u, p) -> r`, nx + nz residuals: xdot - ode and alg.
     outputs
         `(t, x, z, u, p) -> y`.
     init
-        `(p) -> (x0, z0)`: the start conditions. States given outright are expressions of p; where others, or z, have
-        to be solved for, a rootfinder is inside (MX). Inputs have their start values in it.
+        `(p) -> (x0, z0)`: consistent start values. States with explicit start values are expressions of p; if others,
+        or z, have to be solved for, it contains a rootfinder (MX). Inputs have their start values in it.
     step
         `(t, x, u, p, h) -> (x_next, y)`: one step of length h [s] of the classical Runge-Kutta method on `ode`, y at
         its end.
     too_large
-        `(t, x, u, p, h) -> too_large`: 1 where `step` is unstable at this h, so that x_next means nothing;
+        `(t, x, u, p, h) -> too_large`: 1 where `step` is unstable at this h, so that x_next is meaningless;
         `acausal.step_function` has implicit methods.
     step_error
-        `(t, x, u, p, h) -> error`: estimate of what `step` adds to the error of a state, by its nominal value; see
-        `acausal.export.step.defect`. Sums of it are the error of a run, but for what the model makes of errors.
+        `(t, x, u, p, h) -> error`: estimate of the error that `step` adds to a state, divided by its nominal value; see
+        `acausal.export.step.defect`. The sum over a run estimates the error of the run, except for the amplification or
+        damping of errors by the model.
     determinants
-        `(t, x, z, u, p) -> (signs, sizes)` of the slopes of each block of algebraic equations that is nonlinear in its
-        own unknowns; sizes are logarithms of magnitudes. Where a sign changes along a solution, or a determinant is
-        zero, other solutions meet it, and what follows it may go on with one of these.
+        `(t, x, z, u, p) -> (signs, sizes)` of the Jacobian of each block of algebraic equations that is nonlinear in
+        its own unknowns; sizes are logarithms of magnitudes. Where a sign changes along a solution, or a determinant is
+        zero, the solution meets others, and whatever follows it may continue on one of these.
     invariants
-        `(t, x, z, u, p) -> (position, velocity)`: constraints that bind the states, as stated, and differentiated:
-        both are 0 along solutions, and at consistent starts. The functions above draw states back to them at the rate
-        `stabilisation.rate`. Empty where the states are as many as the degrees of freedom ask for.
+        `(t, x, z, u, p) -> (position, velocity)`: constraints between the states, as declared, and differentiated. Both
+        are 0 along solutions, and at consistent starts. The functions above draw the states back to them at the rate
+        `stabilisation.rate`. Empty if there are as many states as degrees of freedom.
     instants
-        `(p) -> times`: when sources of the model switch, in no order, some twice. Between them the functions are as
-        smooth as the model's own equations; put mesh points there. At such a time the functions take the value after
-        it.
+        `(p) -> times`: when sources of the model switch, unsorted, possibly with repetitions. Between them the
+        functions are as smooth as the equations of the model; put mesh points there. At such a time the functions have
+        the value after it.
     events
-        Functions of the events, if requested; else None, and models whose events act are refused.
+        Functions of the events, if requested; otherwise None, and models whose events act are refused.
     start_time
         Time [s] of `init`.
     notes
-        Sentences about what was assumed or left out.
+        Sentences on assumptions and omissions.
     """
 
     name: str
@@ -224,18 +225,18 @@ class CasadiModel:
         Raises
         ------
         ExportError
-            AC612 when a function cannot be generated.
+            AC612 if a function cannot be generated.
         """
         texts: dict[str, str] = provided("sources")(self)
         return texts
 
     def save(self, path: str | Path) -> None:
-        """Write functions and description to one file, completely or not at all; see `export/casadi/casadi_file.py`.
+        """Write functions and descriptions to one file, completely or not at all; see `export/casadi/casadi_file.py`.
 
         Raises
         ------
         UsageError
-            AC012 when the file cannot be written.
+            AC012 if the file cannot be written.
         """
         provided("save_casadi")(self, path)
 

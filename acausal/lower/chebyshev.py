@@ -1,4 +1,4 @@
-"""Chebyshev polynomials through values at Lobatto's points: of past signals, and of inputs over one stretch of a run.
+"""Chebyshev interpolation at Lobatto points, for past signals and for inputs over one stretch of a run.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 4 and 19.
 """
@@ -17,16 +17,16 @@ INPUT_DEGREE = 7
 """Degree of the polynomial of an input over one stretch."""
 
 INPUT_WIDTH = INPUT_DEGREE + 3
-"""Number of modes that hold one input over time, in the same order as those of a delay."""
+"""Number of modes for one input over time, in the same order as those of a delay."""
 
 SLACK = 1e-3
-"""How far a polynomial is extrapolated beyond its window, in half widths."""
+"""Distance up to which a polynomial is extrapolated beyond its window, in half widths."""
 
 
 def polynomial(window: Any, instant: Any) -> Any:
     """The signal at an instant, by Clenshaw's recurrence.
 
-    `window`: column of degree + 3 entries: the middle of the stretch, the reciprocal of its half width, the
+    `window` is a column of degree + 3 entries: the centre of the stretch, the reciprocal of its half width, and the
     coefficients.
     """
     s = ca.fmin(ca.fmax((instant - window[0]) * window[1], -1 - SLACK), 1 + SLACK)
@@ -38,7 +38,7 @@ def polynomial(window: Any, instant: Any) -> Any:
 
 @cache
 def points(degree: int) -> Vector:
-    """The extrema of the polynomial of that degree on [-1, 1], ascending, shape (degree + 1,)."""
+    """The extrema on [-1, 1] of the polynomial of this degree, ascending, shape (degree + 1,)."""
     found = -np.cos(np.pi * np.arange(degree + 1) / degree)
     found[0], found[-1] = -1.0, 1.0
     return found
@@ -51,13 +51,13 @@ def transform(degree: int) -> Vector:
 
 
 def fitted(values: Vector) -> Vector:
-    """Coefficients from values at `points`, column by column; those of a constant are exact."""
+    """Coefficients from values at `points`, shape (degree + 1,) or (degree + 1, n); those of a constant are exact."""
     found = transform(len(values) - 1) @ values
-    still = (values == values[0]).all(axis=0)
-    if np.ndim(still) == 0:
-        return np.append(values[0], np.zeros(len(values) - 1)) if still else np.asarray(found, dtype=np.float64)
-    found[:, still] = 0.0
-    found[0, still] = values[0, still]
+    is_constant = (values == values[0]).all(axis=0)
+    if np.ndim(is_constant) == 0:
+        return np.append(values[0], np.zeros(len(values) - 1)) if is_constant else np.asarray(found, dtype=np.float64)
+    found[:, is_constant] = 0.0
+    found[0, is_constant] = values[0, is_constant]
     return np.asarray(found, dtype=np.float64)
 
 
@@ -69,7 +69,7 @@ def between(a: float, b: float, degree: int) -> Vector:
 
 
 def tail(coefficients: Vector) -> Vector:
-    """Size of the last coefficients, by column: what further ones would change is smaller."""
+    """Largest magnitude of the last three coefficients, by column; it bounds the contribution of further ones."""
     return np.asarray(np.abs(coefficients[-3:]).max(axis=0), dtype=np.float64)
 
 

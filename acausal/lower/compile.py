@@ -1,7 +1,8 @@
 """Compilation of a component to a `CompiledModel`: the pipeline as an explicit list of stages.
 
-Of a model whose structure may change, the equations with every structure are made when somebody asks for them: a scene
-of 64 balls has 2080 pairs, of which a run needs 64 at a time, and compiles those (`acausal.simulate.restructure`).
+If the structure of a model may change during a run, the equations with every possible structure are compiled only when
+they are first used: a scene of 64 balls has 2080 pairs, of which a run needs and compiles 64 at a time
+(`acausal.simulate.restructure`).
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ from acausal.reduce.freeze import freeze as fold_parameters
 from acausal.reduce.select import Left, select
 
 _MOST_ROUNDS = 20
-_NOTHING = LocatedKinks()
+_NO_KINKS = LocatedKinks()
 
 
 def compile(
@@ -69,24 +70,24 @@ def compile(
     formulation
         "torn" (default) or "dae": see `acausal.analyse.blocks.solve.solve`. "projected" is torn without a choice of
         states: every constraint of higher index keeps all its variables as states and is stabilised, and recorded
-        points are projected onto it, which otherwise happens only where no choice of states is safe.
+        points are projected onto it; the other formulations do so only where no choice of states is safe.
     cache
-        Reuse a model compiled earlier with the same structure and other values of parameters; `timings` then has an
-        entry "recall". A model made smaller is reused for the same outputs and values.
+        Reuse a model that was compiled earlier with the same structure, even with other values of parameters; `timings`
+        then has an entry "recall". A reduced model is reused only for the same outputs and values.
     outputs
-        Names of variables; the model is then the smallest one that computes these. Beside them only parameters and
+        Names of variables; the model is then the smallest one that computes these. Besides them only parameters and
         variables computed on the way can be read. `acausal.reduce` reports what was left out.
     freeze
-        Parameters, components or patterns whose values become constants, "zeros" for all that are zero: faster, but
-        these values cannot be changed without compiling again.
+        Parameters, components or patterns whose values become constants, "zeros" for all that are zero. Such a model is
+        faster, but these values cannot be changed without compiling it again.
     quasi_static
         States, or components with all their states, replaced by their quasi-static limit, so that stiff modes lose
         their dynamics. Unlike all other options this is an approximation, whose error `acausal.reduce` estimates and
         measures.
     choices
         Structure of each component that can have several, by path, as in `acausal.flatten`. Without it the model has
-        all contacts that are possible at any time. They are compiled when the model is first looked at; `simulate` does
-        not need them, and switches between structures during the run.
+        all contacts that are possible at any time. Its equations are compiled when they are first used; `simulate` does
+        not need them, as it switches between structures during the run.
 
     Raises
     ------
@@ -103,7 +104,7 @@ def compile(
     parts = changing(model) if choices is None and outputs is None else {}
     if not parts:
         return _compile(recipe, outputs, choices)
-    # the structure with which a run begins: errors of the model are raised here, and the run finds it in the cache
+    # Compile the structure with which a run begins: this raises the errors of the model, and the run finds it cached.
     _compile(recipe, None, {path: part.least(False) for path, part in parts.items()})
     return DeferredModel.of(recipe, lambda: _compile(recipe, None, None))
 
@@ -132,8 +133,8 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         if is_reduced_model:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
         wanted = None if outputs is None else tuple(_names("outputs", outputs))
-        wishes = (wanted, freeze, quasi_static) if is_reduced_model else None
-        key = signature(flat, formulation, wishes) if recipe.cache else None
+        reduction_options = (wanted, freeze, quasi_static) if is_reduced_model else None
+        key = signature(flat, formulation, reduction_options) if recipe.cache else None
         cached = recall(key, flat) if key is not None else None
         if cached is not None:
             clock.lap("recall")
@@ -160,9 +161,9 @@ def _names(option: str, names: Sequence[str]) -> Sequence[str]:
 
 
 def refined(compiled: CompiledModel, visited: Visited) -> CompiledModel:
-    """The model compiled again with points of a run among the sample points, after a pivot has vanished there.
+    """The model compiled again with points of a run among the sample points, for use after a pivot vanished there.
 
-    For models without `outputs`, `freeze` and `quasi_static`.
+    Only for models without `outputs`, `freeze` and `quasi_static`.
     """
     return lower(solved(compiled.flat, compiled.solution.formulation, visited=visited))
 
@@ -174,9 +175,9 @@ def solved(
     clock: _Clock | None = None,
     visited: Visited | None = None,
 ) -> Solution:
-    """Reduce, analyse and solve; repeated with every hidden constraint that these passes discover.
+    """Reduce, analyse and solve; repeated until these passes discover no more hidden constraints.
 
-    Hidden constraints are entered in `hidden`: the flat equation each replaces, and its residual, a node of the flat
+    `hidden` receives the hidden constraints: the flat equation that each replaces, and its residual, a node of the flat
     pool.
     """
     hidden = {} if hidden is None else hidden
@@ -196,16 +197,16 @@ def solved(
             hidden |= found.equations
         except HiddenCombination as found:
             first_error = first_error or found
-            # the rewritten equations already contain the constraints found so far
+            # The rewritten equations already contain the constraints found so far.
             combined = found.combined()
             hidden = {k: combined.image[node] for k, node in hidden.items() if k not in combined.rewritten}
             flat = combined.flat
         except StructureError as error:
             raise first_error or error from None  # the first error is closer to the source
-    raise first_error or InternalError("AC906", f"{flat.name}: constraints come to light without end")
+    raise first_error or InternalError("AC906", f"{flat.name}: there is no end to its hidden constraints")
 
 
-def lower(solution: Solution, driven: tuple[int, ...] = (), kinks_to_locate: LocatedKinks = _NOTHING) -> CompiledModel:
+def lower(solution: Solution, driven: tuple[int, ...] = (), kinks_to_locate: LocatedKinks = _NO_KINKS) -> CompiledModel:
     """Lower a solution to CasADi functions; observed variables are lowered on first use.
 
     `driven` are the indices in u of inputs that are functions of time; relations of `kinks_to_locate` become modes in
@@ -215,7 +216,7 @@ def lower(solution: Solution, driven: tuple[int, ...] = (), kinks_to_locate: Loc
     delays = find_delays(solution)
     roots = [n for _, n in solution.definitions] + list(solution.residuals) + delays.roots
     events = find_time_events(reduced.pool, roots)
-    states, quadratures, discretes = _sort_states(solution)
+    states, quadratures, discretes = _states_in_order(solution)
     shell = CompiledModel(
         reduced.flat.name, solution, states, quadratures, discretes, start_problem(solution), events, None, None, None
     )
@@ -242,15 +243,16 @@ def with_functions(shell: CompiledModel) -> CompiledModel:
     return replace(shell, rhs=rhs, modes=modes, instants=instants)
 
 
-def _sort_states(solution: Solution) -> tuple[tuple[int, ...], int, int]:
-    """(States of the coupled system, quadratures, discrete variables) in this order; the number of the latter two.
+def _states_in_order(solution: Solution) -> tuple[tuple[int, ...], int, int]:
+    """States of the coupled system, then quadratures, then discrete variables; and the numbers of the latter two.
 
     Quadratures are integrals of functions of time that nothing depends on. Discrete variables change at events only and
-    are constants to a solver, because a boolean that has been integrated is no longer exactly 0 or 1.
+    are constants for a solver, because a boolean that has been integrated is no longer exactly 0 or 1.
 
-    Integrals of other states are no quadratures: these would be integrated with the order that suits the states (IDAS
-    took 1e5 steps of order 1 for the angle of an evenly accelerated shaft; 30 when it is a state). Neither are
-    integrals of steep functions, whose bursts between two instants are searched for in the solution of the states.
+    Integrals of other states are not treated as quadratures, because these are integrated with the order that suits the
+    states (IDAS took 1e5 steps of order 1 for the angle of an evenly accelerated shaft, and 30 with the angle as a
+    state). Neither are integrals of steep functions, because bursts of these between two instants are searched for in
+    the solution of the states.
     """
     dependence = Dependence(solution)
     reduced = solution.structure.reduced
@@ -299,40 +301,40 @@ class _Clock:
         self._last = now
 
 
-# What is known before there are equations.
-_KNOWN = frozenset(("recipe", "is_made", "__class__", "__dict__", "__hash__", "__weakref__"))
+# Attributes that a deferred model has before its equations are compiled.
+_AVAILABLE_BEFORE = frozenset(("recipe", "is_made", "__class__", "__dict__", "__hash__", "__weakref__"))
 _MAKE, _LOCK = "_make", "_lock"
 
 
 class DeferredModel(CompiledModel):
-    """A compiled model that is made when something of it but its recipe is asked for."""
+    """A compiled model that is compiled at the first access to any attribute except its recipe."""
 
     @classmethod
     def of(cls, recipe: Recipe, make: Callable[[], CompiledModel]) -> CompiledModel:
-        """The model that `make` will make, of this recipe."""
+        """A model with this recipe, whose other attributes `make` computes on first access."""
         model = cls.__new__(cls)
         model.__dict__.update({"recipe": recipe, _MAKE: make, _LOCK: threading.Lock()})
         return model
 
     @property
     def is_made(self) -> bool:
-        """Whether there are equations yet."""
+        """Whether the equations have been compiled."""
         return _MAKE not in self.__dict__
 
     def __getattribute__(self, name: str) -> Any:
-        if name not in _KNOWN:
-            own = object.__getattribute__(self, "__dict__")
-            if _MAKE in own:
-                _fill(own)
+        if name not in _AVAILABLE_BEFORE:
+            attributes = object.__getattribute__(self, "__dict__")
+            if _MAKE in attributes:
+                _fill(attributes)
         return object.__getattribute__(self, name)
 
 
-def _fill(own: dict[str, Any]) -> None:
-    """Put what is made in place of what makes it."""
-    with own[_LOCK]:
-        make = own.get(_MAKE)
+def _fill(attributes: dict[str, Any]) -> None:
+    """Replace the function `make` by the attributes of the model that it returns."""
+    with attributes[_LOCK]:
+        make = attributes.get(_MAKE)
         if make is None:  # another thread was faster
             return
         made = make()
-        own.update({name: value for name, value in made.__dict__.items() if name != "recipe"})
-        del own[_MAKE]
+        attributes.update({name: value for name, value in made.__dict__.items() if name != "recipe"})
+        del attributes[_MAKE]

@@ -1,4 +1,4 @@
-"""The compiled model: CasADi functions with documented signatures, and names of their entries."""
+"""The compiled model: CasADi functions with documented signatures, and the names of their entries."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _INPUTS = ["t", "x", "z", "u", "p", "m"]
 class CompiledModel(Lowered):
     """A model ready to run; made by `acausal.compile`, never changed. Its data are those of `Lowered`.
 
-    `like` is the model whose functions it shares, from which it differs in names and numbers only
+    `like` is a model that differs in names and numbers only, and whose functions this one shares
     (`acausal.lower.subsystems`).
     """
 
@@ -54,12 +54,14 @@ class CompiledModel(Lowered):
         return shown
 
     def unchanging(self, what: str) -> CompiledModel:
-        """The model with every contact that can occur in its equations, for `what` cannot switch structures.
+        """The model with every possible contact in its equations, for operations that cannot switch structures.
+
+        `what` names the operation in messages.
 
         Raises
         ------
         UsageError
-            AC027 when no such equations hold for a whole run: drills that leave several holes.
+            AC027 if no single set of equations holds for a whole run, as for drills that make several holes.
         """
         if self.recipe is None:
             return self
@@ -68,9 +70,9 @@ class CompiledModel(Lowered):
         return replace(self, recipe=None)
 
     def mapped(self, zeros: tuple[int, ...] = ()) -> Mapped | None:
-        """The equations with each pattern of repeated components lowered once; None where that does not pay.
+        """The equations with each pattern of repeated components lowered once; None if that does not pay.
 
-        `zeros` are the indices of parameters taken as zero, whatever p holds.
+        `zeros` are the indices of parameters that are taken as zero, whatever their values in p.
         """
         if self.varied or self.driven or self.delays or self.rhs.n_instructions() < LEAST:
             return None
@@ -94,7 +96,7 @@ class CompiledModel(Lowered):
 
     @cached_property
     def blended(self) -> Any:
-        """`rhs` for modes between 0 and 1: `where` is then a weighted mean of its two values (sliding modes)."""
+        """`rhs` for modes between 0 and 1 (sliding modes): `where` is a weighted mean of its two values."""
         structure = self.solution.structure
         ode = structure.rates(self.state_variables)
         return self._of_nodes("blended", blend=True, ode=ode, alg=self.solution.residuals)
@@ -108,9 +110,10 @@ class CompiledModel(Lowered):
 
     @cached_property
     def opened(self) -> CompiledModel:
-        """The model with unknowns of monotone blocks as algebraic variables after all others, not as unrolled searches.
+        """The model with the unknowns of monotone blocks as algebraic variables, after all others.
 
-        For nonlinear programs, which can take them as unknowns: an unrolled search costs all its steps.
+        For nonlinear programs, which can have them as unknowns: the unrolled Newton iteration, which this replaces,
+        always costs all its steps.
         """
         if not self.solution.monotone:
             return self
@@ -124,7 +127,7 @@ class CompiledModel(Lowered):
 
     @cached_property
     def guess(self) -> Any:
-        """`(p) -> (x[nx], z[nz])`: declared starts and guesses; 0 where nothing is declared."""
+        """`(p) -> (x[nx], z[nz])`: declared starts and guesses, 0 where there are none."""
         p = ca.SX.sym("p", len(self.parameters))
         builder = Builder(self.solution.structure.reduced.pool, ca.SX(0), p, {})
         declared = {**self.start.guesses, **self.start.direct}
@@ -144,8 +147,8 @@ class CompiledModel(Lowered):
     def all_modes(self) -> Any:
         """`(t, x, z, u, p) -> m[nm]`: the modes at a point, for use outside a run.
 
-        Relations of time are as they are just after t. Samples, `initial()` and `terminal()` are false there, and
-        `pre(d)` is d.
+        Relations of time have their values just after t. Samples, `initial()` and `terminal()` are false, and `pre(d)`
+        is d.
 
         Raises
         ------
@@ -169,7 +172,7 @@ class CompiledModel(Lowered):
 
     @cached_property
     def delay_signals(self) -> Any:
-        """`(t, x, z, u, p, m) -> [sources, delays]`: values of delayed signals, and how long ago each is read [s]."""
+        """`(t, x, z, u, p, m) -> [sources, delays]`: signals that are delayed, and the delays [s]."""
         return self._of_nodes("signals", y=self.delays.roots)
 
     @cached_property
@@ -206,7 +209,7 @@ class CompiledModel(Lowered):
 
     @cached_property
     def constants(self) -> Any:
-        """`(p) -> c`: values of all images that depend on parameters only, in the order of `constant_nodes`."""
+        """`(p) -> c`: the quantities that depend on parameters only, in the order of `constant_nodes`."""
         p = ca.SX.sym("p", len(self.parameters))
         builder = Builder(self.solution.structure.reduced.pool, ca.SX(0), p, {})
         return ca.Function("constants", [p], [_column(builder.lower(self.constant_nodes))], ["p"], ["c"])
@@ -221,9 +224,10 @@ class CompiledModel(Lowered):
     ) -> CasadiModel:
         """The model as CasADi functions for optimal control, with names, units and limits of every entry.
 
-        `outputs` names what y holds; None means what is declared in the model's own class. `parameters` names what p
-        holds; None means all. `minimal` asks for as many states as degrees of freedom, `events` for what happens at
-        events. See `acausal.export.casadi.functions.casadi_model` and docs/casadi.md.
+        `outputs` names the entries of y; None means the variables declared in the class of the model itself.
+        `parameters` names the entries of p; None means all parameters. `minimal` requests as many states as degrees of
+        freedom, `events` the functions of the events. See `acausal.export.casadi.functions.casadi_model` and
+        docs/casadi.md.
         """
         made: CasadiModel = provided("casadi_model")(
             self, outputs, parameters=parameters, minimal=minimal, events=events

@@ -1,4 +1,4 @@
-"""Data of a compiled model: its symbolic solution, its right-hand side, and the meaning of the entries of vectors."""
+"""Data of a compiled model: its symbolic solution, its right-hand side, and the entries of its vectors."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from acausal.reduce.select import Selection
 
 @dataclass(frozen=True, eq=False)
 class Recipe:
-    """Arguments of `compile`, kept by a model whose structure changes during a run."""
+    """Arguments of `compile`, kept by a model whose structure may change during a run."""
 
     model: Component
     parameters: Mapping[str, object]
@@ -40,7 +40,7 @@ class Recipe:
 
 @dataclass(frozen=True, eq=False)
 class Lowered:
-    """The data of a `CompiledModel`; its functions are made from them.
+    """The data of a `CompiledModel`, from which its functions are made.
 
     Sizes: `nx` states (`n_dynamic` of the coupled system, then `quadratures`, integrals of functions of time that
     nothing depends on, then `discretes`, variables that change at events only), `nz` algebraic variables, `nu` inputs,
@@ -48,7 +48,7 @@ class Lowered:
     """
 
     name: str
-    solution: Solution  # the symbolic stage it was lowered from; `solution.structure.reduced.flat` is the flat system
+    solution: Solution  # the previous, symbolic stage; `solution.structure.reduced.flat` is the flat system
     state_variables: tuple[int, ...]
     quadratures: int
     discretes: int
@@ -60,14 +60,13 @@ class Lowered:
     state_events: StateEvents = field(default_factory=StateEvents)
     delays: Delays = field(default_factory=Delays)
     selection: Selection | None = None  # variables left out of the model, and why; None for the full model
-    # From which `simulate` compiles again when the structure of the model changes; None where it never does.
+    # Used by `simulate` to compile again when the structure of the model changes; None if it never does.
     recipe: Recipe | None = None
     # Indices in u of the inputs that are functions of time: polynomials over each stretch of a run, whose coefficients
     # are modes. The values of u there are not used (`acausal.lower.variants.started`).
     driven: tuple[int, ...] = ()
     timings: dict[str, float] = field(default_factory=dict)  # seconds per stage of the compilation
-    # Steep functions, given for a subsystem, whose sample points belong to the whole model; None: found in the solution
-    # (`narrow`).
+    # Steep functions of a subsystem, for which there are no sample points of its own; None: `narrow` finds them.
     steep: Steep | None = None
     varied: bool = False  # whether `rhs` differs from `solution`: a regime (`simulate/events/regime.py`)
 
@@ -77,7 +76,7 @@ class Lowered:
 
     @cached_property
     def narrow(self) -> Steep:
-        """Steep functions in the equations, which may burst between two steps of a solver."""
+        """Steep functions in the equations, whose values may burst between two steps of a solver."""
         if self.steep is not None:
             return self.steep
         solution = self.solution
@@ -90,7 +89,7 @@ class Lowered:
     def operations(self) -> frozenset[str]:
         """Names of the operations that the equations may contain, "table" for a lookup, "call" for external functions.
 
-        What does not occur here, a run does not look for.
+        A run skips searches for operations that are absent here.
         """
         found = {node[0] for node in self.solution.structure.reduced.pool.nodes}
         calls = {op for op in found if isinstance(op, Call)}
@@ -103,7 +102,7 @@ class Lowered:
 
     @property
     def asked(self) -> tuple[str, ...]:
-        """The outputs that a reduced model was reduced to; empty for a full one."""
+        """The outputs for which a reduced model was compiled; empty for a full model."""
         return (self.selection.outputs or ()) if self.selection is not None else ()
 
     @cached_property
@@ -123,7 +122,7 @@ class Lowered:
 
     @property
     def continuous(self) -> tuple[str, ...]:
-        """Names of the states that vary between events: discrete variables, the last of x, are none of them."""
+        """Names of the states that vary between events: all but the discrete variables, which are last in x."""
         return self.states[: len(self.states) - self.discretes]
 
     @property
@@ -174,7 +173,7 @@ class Lowered:
 
     @property
     def mode_nodes(self) -> tuple[int, ...]:
-        """Nodes behind the modes, in the order of m."""
+        """Nodes of the modes, in the order of m; the coefficients of inputs and delays have none."""
         events = self.state_events
         return (*self.time_events.relations, *events.samples, *events.memories, *events.flags, *events.relations)
 
@@ -191,7 +190,7 @@ class Lowered:
 
     @property
     def n_timely(self) -> int:
-        """Number of leading modes known before a stretch: relations of time, coefficients of inputs and of delays."""
+        """Number of leading modes that are known before a stretch: relations of time, then coefficients."""
         return len(self.time_events.relations) + len(self.driven) * INPUT_WIDTH + self.delays.size
 
     @property
@@ -201,7 +200,7 @@ class Lowered:
 
     @cached_property
     def constant_nodes(self) -> tuple[int, ...]:
-        """Distinct images that depend on parameters only."""
+        """Distinct nodes of flat scalars that depend on parameters only."""
         reduced = self.solution.structure.reduced
         pool = reduced.pool
         found: dict[int, None] = {}

@@ -9,17 +9,17 @@ import casadi as ca
 
 
 def nonlinear_blocks(slope: Any, unknowns: Any) -> list[tuple[list[int], list[int]]]:
-    """(Rows, columns) of each block on the diagonal of `slope` that depends on the block's own `unknowns`.
+    """(Rows, columns) of each diagonal block of `slope` that depends on the block's own `unknowns`.
 
-    `slope`: Of the equations by the unknowns, SX of shape (n, n), as `casadi.jacobian` makes it.
+    `slope` is the Jacobian of the equations by the unknowns, SX of shape (n, n), as `casadi.jacobian` returns it.
     """
     pattern = slope.sparsity()
     _, equations, columns, first, *_ = pattern.btf()
-    curved = ca.jacobian_sparsity(slope.nz[:], unknowns).T  # columns are entries of the slope
-    at, depends, found = curved.colind(), curved.row(), []
+    slope_dependence = ca.jacobian_sparsity(slope.nz[:], unknowns).T  # columns are entries of the slope
+    first_of_column, depends, found = slope_dependence.colind(), slope_dependence.row(), []
     for a, b in pairwise(first):
         block = list(equations[a:b]), list(columns[a:b])
-        own, (_, entries) = set(block[1]), pattern.sub(*block, False)
-        if any(own.intersection(depends[at[k] : at[k + 1]]) for k in entries):
+        own_unknowns, (_, entries) = set(block[1]), pattern.sub(*block, False)
+        if any(own_unknowns.intersection(depends[first_of_column[k] : first_of_column[k + 1]]) for k in entries):
             found.append(block)
     return found

@@ -13,7 +13,7 @@ from acausal.lower.compiled import CompiledModel
 
 @dataclass(frozen=True)
 class StageCounts:
-    """One pass: counts of what is left after it, and the time it took [s]."""
+    """One pass: counts after it, and the time it took [s]."""
 
     name: str
     seconds: float
@@ -22,7 +22,10 @@ class StageCounts:
 
 @dataclass(frozen=True)
 class BlockCount:
-    """Number of blocks of one kind ("explicit", "linear", "torn", "dae") and size; `iterated` unknowns in total."""
+    """Number of blocks of one kind and size, and total number of their `iterated` unknowns.
+
+    Kinds are "explicit", "linear", "monotone", "torn" and "dae".
+    """
 
     kind: str
     size: int
@@ -39,7 +42,7 @@ class StateReason:
 
 
 ELIMINATIONS = ("alias", "constant", "expression")
-"""Equal to another variable up to sign; equal to a constant; equal to an expression of other variables."""
+"""Ways to eliminate a variable that equals another one up to sign, a constant, or an expression of other variables."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +157,7 @@ def state_reason(structure: Structure, state: int) -> str:
     if any(state in reduced.pool.variables_in(node) for _, node in structure.invariants):
         return "no choice is safe everywhere: all variables of a stabilised constraint stay states"
     if not any(rate in c.candidates for c in structure.choices):
-        return "its derivative stands in the equations"
+        return "its derivative occurs in the equations"
     reasons = ["preferred by its declaration"] * preferred + ["its start is fixed"] * is_fixed
     return "chosen: " + (", ".join(reasons) or "no other choice is as safe")
 

@@ -303,7 +303,7 @@ def _one_sided(
     values = builder.column(reduced.pool.vars(unknowns))
     unsolved = s.builder(compiled)
     unsolved.define([], compiled.rewritten)
-    unsolved.know(unknowns, y)
+    unsolved.assign(unknowns, y)
     residuals = unsolved.column(unsolved.replaced(structure.residuals[e] for e in rows))
     at = (t, x, z, u, p, m)
     here = np.nan_to_num(

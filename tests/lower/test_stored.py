@@ -80,7 +80,7 @@ def test_the_key_covers_every_package_of_the_compiler() -> None:
 
 def test_other_sources_or_versions_have_other_keys(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     acausal.compile(ThickBlock())
-    monkeypatch.setattr(stored, "_made_by", lambda: "a compiler of tomorrow")
+    monkeypatch.setattr(stored, "_compiler_version", lambda: "a compiler of tomorrow")
     assert not was_read(another_process())
     assert len(models(folder)) == 2
 

@@ -1,9 +1,9 @@
 """Compiled models by structure: equations that differ in numbers only are not compiled again.
 
-The signature of a flat system leaves out the values of parameters and places in the source, but keeps which values are
-zero and which are negative. Everything else that depends on values is checked: divisors that were safe, such as the
-difference of two stiffnesses, must be safe for the new values, and the choice of states must still hold; otherwise the
-model is compiled anew.
+The signature of a flat system leaves out places in the source and the values of parameters, except for their signs and
+which are zero. Every other decision that depends on values is checked: divisors that were safe, such as the difference
+of two stiffnesses, must be safe for the new values, and the choice of states must still hold. Otherwise the model is
+compiled anew.
 """
 
 from __future__ import annotations
@@ -31,21 +31,22 @@ Signature = tuple[Any, ...]
 
 _MOST_MODELS = 32
 _MOST_NODES = 1_000_000
-_LARGEST_CHOICE = 200
-_PLAIN = frozenset((int, float, str, bool))  # nearly all values; checking for abstract classes takes ten times as long
+_MOST_EQUATIONS = 200
+# Types of nearly all values; checking for abstract classes takes ten times as long.
+_HASHABLE = frozenset((int, float, str, bool))
 # Fields of the flat system without structural information, or with an entry of their own in the signature.
 _SEPARATE = {"pool", "equations", "variables", "parameter_values", "experiment", "components", "loops", "notes"}
 
 
-def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signature:
-    """Everything that determines how a flat system is compiled; computed before any pass adds to its pool.
+def signature(flat: FlatSystem, formulation: str, reduction_options: Any = None) -> Signature:
+    """Everything that determines how a flat system is compiled; computed before any pass adds nodes to its pool.
 
-    `wishes` are the options of a reduced model, for which the values of parameters count too.
+    `reduction_options` are the options of a reduced model; its signature includes the values of parameters.
     """
     pool = flat.pool
     return (
         formulation,
-        wishes if wishes is None else (wishes, flat.parameter_values, flat.experiment),
+        reduction_options if reduction_options is None else (reduction_options, flat.parameter_values, flat.experiment),
         tuple(pool.nodes),
         pool.n_variables,
         tuple(pool.integral_of.items()),
@@ -60,8 +61,8 @@ def signature(flat: FlatSystem, formulation: str, wishes: Any = None) -> Signatu
 
 
 def _hashable(value: Any) -> Any:
-    """Hashable copy of numbers, names, declarations and classes; anything else, such as places in the source, None."""
-    if type(value) in _PLAIN:
+    """Hashable copy of numbers, names, declarations and classes; None for the rest, such as places in the source."""
+    if type(value) in _HASHABLE:
         return value
     if isinstance(value, Mapping):
         return tuple((k, _hashable(v)) for k, v in value.items())
@@ -105,7 +106,7 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
         entry = _Entry(model)
         _cache.put(key, entry)
     if entry.compiled.selection is not None:
-        # the values are part of the signature, so they are the same
+        # The values are part of the signature, and therefore the same.
         recalled: CompiledModel = replaced(entry.compiled, timings={})
         return recalled
     model = _with_values(entry.compiled, flat)
@@ -119,7 +120,7 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
 
 
 def remember(key: Signature, compiled: CompiledModel) -> None:
-    """Enter a model in the caches of this process and, if it was expensive, of other processes."""
+    """Add a model to the cache of this process and, if it was expensive, to the one on disk."""
     _cache.put(key, _Entry(compiled))
     keep(key, compiled)
 
@@ -150,7 +151,7 @@ def _with_values(compiled: CompiledModel, flat: FlatSystem) -> CompiledModel:
 
 
 def replaced(old: Any, **changes: Any) -> Any:
-    """As `dataclasses.replace`, keeping cached properties, none of which depends on the values of parameters."""
+    """Like `dataclasses.replace`, but keep cached properties; none of them may depend on the values of parameters."""
     new = replace(old, **changes)
     for name in {n for cls in type(old).__mro__ for n, v in vars(cls).items() if isinstance(v, cached_property)}:
         if name in old.__dict__:
@@ -179,23 +180,23 @@ def _choices_hold(structure: Structure) -> bool:
     for choice in structure.choices:
         unsolved = {*choice.floating, *choice.deficient}
         rows = [structure.residuals[structure.integral[e]] for e in choice.equations if e not in unsolved]
-        place = {pool.integral_of[v]: k for k, v in enumerate(choice.dummies)}
-        if choice.deficient or len(rows) > _LARGEST_CHOICE or len(rows) != len(place):
+        column_of = {pool.integral_of[v]: k for k, v in enumerate(choice.dummies)}
+        if choice.deficient or len(rows) > _MOST_EQUATIONS or len(rows) != len(column_of):
             return False
-        # judged far from the start too, as when the states were chosen
-        everywhere = choice.varies and all(v < len(structure.reduced.scalar) for v in choice.dummies)
-        leaves = structure.points.leaves_anywhere if everywhere else structure.points.leaves
-        jacobian = np.zeros((COUNT + FAR if everywhere else COUNT, len(rows), len(rows)))
-        for i, gradient in enumerate(gradients(pool, rows, place, leaves)):
+        # Include points far from the start, as when the states were chosen.
+        use_far_points = choice.varies and all(v < len(structure.reduced.scalar) for v in choice.dummies)
+        leaves = structure.points.leaves_anywhere if use_far_points else structure.points.leaves
+        jacobian = np.zeros((COUNT + FAR if use_far_points else COUNT, len(rows), len(rows)))
+        for i, gradient in enumerate(gradients(pool, rows, column_of, leaves)):
             for v, g in gradient.items():
-                jacobian[:, i, place[v]] = g
+                jacobian[:, i, column_of[v]] = g
         if not np.isfinite(jacobian).all():
             return False
         sign, size = np.linalg.slogdet(jacobian)
-        if len(rows) and not ((sign == sign[0]).all() and sign[0] != 0 and np.ptp(size) < _SPREAD):
+        if len(rows) and not ((sign == sign[0]).all() and sign[0] != 0 and np.ptp(size) < _LARGEST_LOG_RATIO):
             return False
     return True
 
 
-_SPREAD = 12.0
+_LARGEST_LOG_RATIO = 12.0
 """Natural logarithm of the largest ratio of determinants between sample points."""

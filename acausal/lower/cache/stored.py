@@ -1,14 +1,15 @@
 """Compiled models on disk, shared between processes.
 
-A structure that took long to compile (`cache.py`) is also written to a private folder (`acausal.private`), where the
-next process that flattens the same equations finds it. The key is a hash of the signature, of the sources of the
-compiler, and of the versions of Python, NumPy and CasADi. External functions count with the operations that they make.
-A signature that contains an object without a stable content has no key, and such a model is compiled in each process.
+A model that took long to compile is not only cached in memory (`cache.py`) but also written to a private folder
+(`acausal.private`), where the next process that flattens the same equations finds it. The key is a hash of the
+signature, of the sources of the compiler, and of the versions of Python, NumPy and CasADi. External functions enter the
+key with the operations that they build. A signature that contains an object without stable content has no key, and such
+a model is compiled in each process.
 
-A file holds pickled objects of a compiled model and CasADi functions in CasADi's serialisation. It is unpickled only if
-the digest of the folder is right, and only with names from a table: classes of the compiler, components that are
-imported already, and a few constructors of NumPy and CasADi. A file that cannot be read is removed, and its model
-compiled anew.
+A file contains the pickled objects of a compiled model, and CasADi functions in CasADi's serialisation. It is unpickled
+only if its digest is right, and only with names from a table: classes of the compiler, components that are already
+imported, and a few constructors of NumPy and CasADi. A file that cannot be read is removed, and its model compiled
+anew.
 """
 
 from __future__ import annotations
@@ -46,12 +47,12 @@ from acausal.private import find as file_of
 
 _log = logging.getLogger(__name__)
 _KIND, _SUFFIX = "models", ".model"
-# Compile time [s] from which a model is stored, number of nodes from which a flat system may take that long, least
-# nodes per equation, and number of files kept.
-_WORTH, _LEAST_NODES, _LONG, _MOST = 0.3, 4_000, 5, 100
+# Least compile time [s] of a stored model, least number of nodes, in total and per equation, of a flat system that may
+# take so long, and largest number of stored files.
+_LEAST_SECONDS, _LEAST_NODES, _LEAST_NODES_PER_EQUATION, _MOST_FILES = 0.3, 4_000, 5, 100
 _SOURCES = ("language", "flatten", "structure", "numeric", "analyse", "reduce", "lower", "diagnose")
 _PACKAGE = Path(__file__).resolve().parents[2]
-_OWN = [["acausal", name] for name in (*_SOURCES, "errors")]
+_OWN_PACKAGES = [["acausal", name] for name in (*_SOURCES, "errors")]
 _PLAIN = frozenset((int, float, str, bytes, bool, type(None)))
 # Callables allowed while unpickling, besides classes of this package and components.
 _ALLOWED = {
@@ -70,16 +71,16 @@ _ALLOWED = {
     ("builtins", "str"),
 }
 
-# Functions of CasADi whose serialisation is all that they compute.
+# Classes of CasADi functions whose serialisation determines completely what they compute.
 _KNOWN_FUNCTIONS = frozenset(("SXFunction", "MXFunction", "Map", "Switch", "LinearInterpolant", "BSplineInterpolant"))
 
 
-class _Unknown(Exception):
-    """An object without a content that is the same in every process."""
+class _NoStableContent(Exception):
+    """The object has no content that is the same in every process."""
 
 
 def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
-    """The model of this signature stored by some process, with its values; None if there is none."""
+    """The model of this signature that some process stored, with the values of that process; None if there is none."""
     if not _is_heavy(flat) or not folder(_KIND).is_dir():
         return None
     key = _key(signature)
@@ -99,38 +100,38 @@ def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
 def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
     """Store a model for other processes if it took long to compile."""
     seconds = sum(s for stage, s in compiled.timings.items() if stage != "flatten")
-    if seconds < _WORTH or not _is_heavy(compiled.flat) or not _is_plain(compiled, signature):
+    if seconds < _LEAST_SECONDS or not _is_heavy(compiled.flat) or not _is_plain(compiled, signature):
         return
     key = _key(signature)
     if key is None:
         return
     try:
         content = io.BytesIO()
-        _Writer(content, _externals(signature)).dump(_bare(compiled))
-        kept = home(_KIND)
-        with tempfile.TemporaryDirectory(prefix="write-", dir=kept) as scratch:
-            made = Path(scratch) / "model"
-            made.write_bytes(content.getvalue())
-            place(made, kept, key, _SUFFIX)
-        oldest = sorted(kept.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime)
-        for path in oldest[:-_MOST]:
+        _Writer(content, _externals(signature)).dump(_without_flat_data(compiled))
+        directory = home(_KIND)
+        with tempfile.TemporaryDirectory(prefix="write-", dir=directory) as scratch:
+            target = Path(scratch) / "model"
+            target.write_bytes(content.getvalue())
+            place(target, directory, key, _SUFFIX)
+        oldest = sorted(directory.glob(f"*{_SUFFIX}"), key=lambda path: path.stat().st_mtime)
+        for path in oldest[:-_MOST_FILES]:
             discard(path)
     except Exception as error:  # the model is valid although it cannot be stored
         _log.info("%s is not kept for other processes: %r", compiled.name, error)
 
 
 def _is_heavy(flat: FlatSystem) -> bool:
-    """Whether a system has long equations, such as contacts; many short ones are compiled as fast as they are read."""
-    return len(flat.pool.nodes) >= max(_LEAST_NODES, _LONG * len(flat.equations))
+    """Whether a system has long equations, such as contacts; short ones are compiled as fast as a file is read."""
+    return len(flat.pool.nodes) >= max(_LEAST_NODES, _LEAST_NODES_PER_EQUATION * len(flat.equations))
 
 
 def _is_plain(compiled: CompiledModel, signature: tuple[Any, ...]) -> bool:
-    """Whether a model is all that its signature says: not made smaller, without variables that compiling has named."""
+    """Whether the signature determines the model: not reduced, without variables that the compiler has added."""
     return compiled.selection is None and compiled.recipe is None and tuple(compiled.flat.variables) in signature
 
 
-def _bare(compiled: CompiledModel) -> CompiledModel:
-    """The model without what each flat system brings itself: components, places of connections, notes."""
+def _without_flat_data(compiled: CompiledModel) -> CompiledModel:
+    """The model without the data that the reader's flat system supplies: components, places of connections, notes."""
     old = compiled.solution.structure
     flat = replace(old.reduced.flat, components={}, loops=(), notes=())
     reduced = replace(old.reduced, flat=flat)
@@ -145,14 +146,14 @@ def _externals(signature: tuple[Any, ...]) -> list[External]:
 
 
 def _external(place: int, derivatives: int) -> External:
-    """How an external function is written: its place among those of the flat system, which brings its own."""
-    raise NotImplementedError  # `_Reader` has its own
+    """Represents an external function in a file, by its index among those of the flat system, which the reader has."""
+    raise NotImplementedError  # `_Reader` resolves it by its method `external`
 
 
 class _Writer(pickle.Pickler):
-    """Writes no statements: a flat system brings its own, with their places (`_is_plain`, `cache._with_values`).
+    """Writes no statements, because the reader's flat system supplies them (`_is_plain`, `cache._with_values`).
 
-    Their texts took seven tenths of the time of storing 256 balls, whose assertions are long.
+    Their texts took 70 % of the time to store 256 balls, whose assertions are long.
     """
 
     def __init__(self, file: io.BytesIO, externals: list[External]) -> None:
@@ -160,65 +161,67 @@ class _Writer(pickle.Pickler):
         self.places = {external: k for k, external in enumerate(externals)}
 
     def reducer_override(self, obj: Any) -> Any:
-        """How something is written that would need a component, or only this process knows."""
+        """Write objects in another form that would need a component, or that only this process has."""
         if isinstance(obj, Equation | Assertion):
             return str, ()
         if isinstance(obj, External):
-            own, derivatives = obj, 0
-            while own not in self.places and own.primal is not None:
-                own, derivatives = own.primal, derivatives + 1
-            return (_external, (self.places[own], derivatives)) if own in self.places else NotImplemented
+            base, derivatives = obj, 0
+            while base not in self.places and base.primal is not None:
+                base, derivatives = base.primal, derivatives + 1
+            return (_external, (self.places[base], derivatives)) if base in self.places else NotImplemented
         if isinstance(obj, Component):
             raise pickle.PicklingError(f"a {type(obj).__name__} is in the compiled model")
         return NotImplemented
 
 
 class _Reader(pickle.Unpickler):
-    """Reads data and names of the table."""
+    """Reads data, and only those names that `find_class` allows."""
 
     def __init__(self, file: io.BytesIO, externals: list[External]) -> None:
         super().__init__(file)
         self.externals = externals
 
     def external(self, place: int, derivatives: int) -> External:
-        """The external function of the flat system that reads, or its partial derivatives."""
+        """An external function of the reader's flat system, or its partial derivatives of the given order."""
         found = self.externals[place]
         for _ in range(derivatives):
             found = found.partials
         return found
 
     def find_class(self, module: str, name: str) -> Any:
-        """A class that is there already and may be named in a file."""
+        """The class of this name, if files may refer to it."""
         if (module, name) == (__name__, _external.__name__):
             return self.external
-        named = (module, name) in _ALLOWED or module.split(".")[:2] in _OWN
-        found: Any = import_module(module) if named else sys.modules.get(module)
+        is_listed = (module, name) in _ALLOWED or module.split(".")[:2] in _OWN_PACKAGES
+        found: Any = import_module(module) if is_listed else sys.modules.get(module)
         for part in name.split("."):
             found = getattr(found, part)
-        is_ours = isinstance(found, type) and (found.__module__ == module if named else issubclass(found, Component))
-        if is_ours or (module, name) in _ALLOWED:
+        is_allowed = isinstance(found, type) and (
+            found.__module__ == module if is_listed else issubclass(found, Component)
+        )
+        if is_allowed or (module, name) in _ALLOWED:
             return found
-        raise pickle.UnpicklingError(f"{module}.{name} is not for compiled models")
+        raise pickle.UnpicklingError(f"{module}.{name} is not allowed in compiled models")
 
 
 def _key(signature: tuple[Any, ...]) -> str | None:
-    """The name of a signature in all processes; None where it has parts that only this one knows."""
+    """A key of a signature that is the same in all processes; None if parts of it have no stable content."""
     try:
-        return hashlib.sha256(f"{_made_by()} {_digest(signature)}".encode()).hexdigest()
-    except (_Unknown, ValueError, OSError, TypeError, RecursionError) as error:
+        return hashlib.sha256(f"{_compiler_version()} {_digest(signature)}".encode()).hexdigest()
+    except (_NoStableContent, ValueError, OSError, TypeError, RecursionError) as error:
         _log.info("no key for other processes: %r", error)
         return None
 
 
 @lru_cache(maxsize=1)  # needed before a model is compiled, and again afterwards
 def _digest(signature: tuple[Any, ...]) -> str:
-    words = marshal.dumps(_plain_content(signature, {}), 2)  # without references, which differ between processes
-    return hashlib.sha256(words).hexdigest()
+    content = marshal.dumps(_plain_content(signature, {}), 2)  # without references, which differ between processes
+    return hashlib.sha256(content).hexdigest()
 
 
 @cache
-def _made_by() -> str:
-    """A hash of everything that turns a signature into a model."""
+def _compiler_version() -> str:
+    """A hash of everything besides the signature that determines the compiled model."""
     found = hashlib.sha256(repr((sys.version_info[:3], np.__version__, ca.CasadiMeta.version())).encode())
     for path in _compiler_sources():
         found.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + path.read_bytes())
@@ -226,32 +229,32 @@ def _made_by() -> str:
 
 
 def _compiler_sources() -> Iterator[Path]:
-    """The source files of the compiler, always in the same order."""
+    """The source files of the compiler, in a fixed order."""
     for name in _SOURCES:
         yield from sorted((_PACKAGE / name).rglob("*.py"))
 
 
-def _plain_content(value: Any, known: dict[int, Any]) -> Any:
+def _plain_content(value: Any, visited: dict[int, Any]) -> Any:
     """The content of a part of a signature, in plain values."""
     kind = type(value)
     if kind in _PLAIN:
         return value
-    if kind is tuple and _PLAIN.issuperset(map(type, value)):  # nearly all of a signature are nodes of a pool
+    if kind is tuple and _PLAIN.issuperset(map(type, value)):  # nodes of a pool, nearly all of a signature
         return "builtins.tuple", *value
-    if id(value) in known:
-        return known[id(value)][1]
-    content = tuple(_parts(value, known))
-    known[id(value)] = value, content  # the value stays alive, so that no other takes its place
+    if id(value) in visited:
+        return visited[id(value)][1]
+    content = tuple(_parts(value, visited))
+    visited[id(value)] = value, content  # keeps the value alive, so that no other object gets its id
     return content
 
 
-def _parts(value: Any, known: dict[int, Any]) -> Iterator[Any]:
+def _parts(value: Any, visited: dict[int, Any]) -> Iterator[Any]:
     kind = type(value)
     yield f"{kind.__module__}.{kind.__qualname__}"
     if isinstance(value, tuple | list):
-        yield from (_plain_content(v, known) for v in value)
+        yield from (_plain_content(v, visited) for v in value)
     elif isinstance(value, Mapping):
-        yield from ((_plain_content(k, known), _plain_content(v, known)) for k, v in value.items())
+        yield from ((_plain_content(k, visited), _plain_content(v, visited)) for k, v in value.items())
     elif isinstance(value, Enum):
         yield value.name
     elif isinstance(value, type):
@@ -263,31 +266,31 @@ def _parts(value: Any, known: dict[int, Any]) -> Iterator[Any]:
     elif isinstance(value, ca.Function):
         yield value.serialize()
     elif isinstance(value, Call):
-        yield from (_plain_content(value.external, known), value.entry)
+        yield from (_plain_content(value.external, visited), value.entry)
     elif isinstance(value, External):
         yield from (value.name, value.inputs, value.outputs, value.units, value.jumps, _operations(value))
     elif is_dataclass(value):
-        yield from (_plain_content(getattr(value, f.name), known) for f in fields(value))
+        yield from (_plain_content(getattr(value, f.name), visited) for f in fields(value))
     else:
-        raise _Unknown(kind)
+        raise _NoStableContent(kind)
 
 
 def _operations(external: External) -> Any:
-    """What an external function computes, whatever makes it."""
+    """The serialised CasADi function of an external function."""
     try:
         made = function(external)
         parts = {f.class_name() for f in (made, *made.find_functions())}
     except AcausalError as error:
-        raise _Unknown(external) from error
-    if not parts <= _KNOWN_FUNCTIONS:  # Python's functions are written without their text, libraries as a path
-        raise _Unknown(external)
+        raise _NoStableContent(external) from error
+    if not parts <= _KNOWN_FUNCTIONS:  # Python functions are serialised without their code, libraries as a path
+        raise _NoStableContent(external)
     return made.serialize()
 
 
 def _function(value: FunctionType) -> tuple[Any, ...]:
-    """Where a function stands, and all of the file it stands in."""
+    """The position of a function in its file, and the content of the whole file."""
     if value.__closure__ or value.__defaults__ or value.__kwdefaults__:
-        raise _Unknown(value)
+        raise _NoStableContent(value)
     code = value.__code__
     return value.__module__, value.__qualname__, code.co_firstlineno, _content(code.co_filename)
 

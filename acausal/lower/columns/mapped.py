@@ -1,10 +1,10 @@
 """The right-hand side of a model of repeated components, each pattern once: operations on columns, in CasADi's MX.
 
-`CompiledModel.rhs` holds every instance of every component. That is fast to evaluate, and right for anything without
-many equal parts. But the C compiler needs 10 s for 1000 sections of an RC ladder, and does not finish for 10 000. Here
-each operation on the instances of a pattern is one operation on columns that are gathered by index: a loop, in C and in
-CasADi's interpreter. `Function.map` of one small function per pattern was tried instead, and is seven times slower to
-interpret (docs/devdocs/mapped.md).
+`CompiledModel.rhs` contains every instance of every component. That is fast to evaluate, and the right form for models
+without many equal parts. But the C compiler needs 10 s for 1000 sections of an RC ladder, and does not finish for
+10 000. Here each operation on all instances of a pattern is one operation on columns that are gathered by index: a
+loop, in C and in CasADi's interpreter. The alternative, `Function.map` of one small function per pattern, is seven
+times slower to interpret (docs/devdocs/mapped.md).
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from acausal.lower.build import BUILD, Symbols
 from acausal.lower.columns.patterns import CONSTANT, Column, Patterns, Stage, patterns
 from acausal.lower.lowered import Lowered
 
-# Nodes from which on the search is made, the mean length of columns, and the share of nodes that are in them.
-LEAST, _MEAN, _SHARE = 1000, 100, 0.7
-# Stages, and colours of the Jacobian: CasADi derives each colour by its own sweep over all columns.
+# Least number of instructions of a model worth searching, least mean length of columns, and least fraction of nodes in
+# columns.
+LEAST, _LEAST_MEAN_LENGTH, _LEAST_FRACTION = 1000, 100, 0.7
+# Largest number of stages, and of colours of the Jacobian: CasADi differentiates each colour by a sweep of its own.
 MOST_STAGES, MOST_COLOURS = 8, 24
 
 
@@ -32,21 +33,22 @@ MOST_STAGES, MOST_COLOURS = 8, 24
 class Mapped:
     """The equations of the coupled system, each pattern once."""
 
-    constants: Any  # `(p, u) -> c`: what does not change during a run
+    constants: Any  # `(p, u) -> c`: values that do not change during a run
     rhs: Any  # `(t, x, z, d, c, m) -> (ode, alg)`, MX, of dynamic states `x` and discrete variables `d`
     operations: int  # number of operations on columns and on scalars
 
     def dae(self, scale_x: Vector, scale_z: Vector, c: Vector | None = None) -> Any:
-        """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)` as integrators take it; `c` may be given here.
+        """`(t, x, z, [c, m, d, shift], u) -> (ode, alg, quad, zero)`, as integrators expect it.
 
-        Variables are divided by their scales, time is counted from `shift`, `u` is empty.
+        Variables are divided by their scales, time is relative to `shift`, and `u` is empty. If `c` is given, it is
+        inserted as numbers and no argument.
         """
         nc = 0 if c is not None else self.rhs.numel_in("c")
         nm, nd = self.rhs.numel_in("m"), self.rhs.numel_in("d")
         t, x, z = ca.MX.sym("t"), ca.MX.sym("x", len(scale_x)), ca.MX.sym("z", len(scale_z))
         p = ca.MX.sym("p", nc + nm + nd + 1)
-        own, m, d, shift = ca.vertsplit(p, [0, nc, nc + nm, nc + nm + nd, nc + nm + nd + 1])
-        constants = own if c is None else ca.MX(ca.DM(c))
+        given, m, d, shift = ca.vertsplit(p, [0, nc, nc + nm, nc + nm + nd, nc + nm + nd + 1])
+        constants = given if c is None else ca.MX(ca.DM(c))
         arguments = [t + shift, _times(x, scale_x), _times(z, scale_z), d, constants, m]
         ode, alg = self.rhs.call(arguments, True)
         none = ca.MX(0, 1)
@@ -64,9 +66,9 @@ def _times(column: Any, factors: Vector) -> Any:
 
 
 def mapped(compiled: Lowered, zeros: frozenset[int]) -> Mapped | None:
-    """The model's equations as columns; None where scalar code is as fast.
+    """The equations of the model as columns; None where scalar code is as fast.
 
-    `zeros`: Indices of parameters that are zero, whatever p holds.
+    `zeros` are the indices of parameters that are taken as zero, whatever their values in p.
     """
     with collector_paused():
         program = _Program(compiled, zeros)
@@ -75,27 +77,28 @@ def mapped(compiled: Lowered, zeros: frozenset[int]) -> Mapped | None:
     constants, p = program.constants(), np.array(compiled.parameter_values)
     p[list(zeros)] = 0.0
     if not np.isfinite(np.array(constants(p, np.ones(len(compiled.inputs))))).all():
-        return None  # divided by what is zero; where all are numbers, that may be multiplied by zero again
+        return None  # divides by zero; scalar code with all numbers inserted may multiply the quotient by zero again
     rhs = program.rhs()
     return Mapped(constants, rhs, program.operations) if _colours(rhs) <= MOST_COLOURS else None
 
 
 def pays(found: Patterns) -> bool:
+    """Whether columns are faster than scalar code, and can express all operations."""
     lengths = found.lengths
     total = sum(lengths)
-    few = [one for stage in found.stages for one in stage.few]
+    rare = [one for stage in found.stages for one in stage.rare]
     return (
         bool(lengths)
-        and all(type(one.op) is str and one.op != "homotopy" for one in few)  # calls and delays are kinds of text
-        and not any(one.op == "pow" and found.leaves.get(one.operands[1][0], ("",))[0] == CONSTANT for one in few)
-        and total >= _MEAN * len(lengths)
-        and total >= _SHARE * (total + found.scalars)
+        and all(type(one.op) is str and one.op != "homotopy" for one in rare)  # calls and delays are subclasses of str
+        and not any(one.op == "pow" and found.leaves.get(one.operands[1][0], ("",))[0] == CONSTANT for one in rare)
+        and total >= _LEAST_MEAN_LENGTH * len(lengths)
+        and total >= _LEAST_FRACTION * (total + found.scalars)
         and len(found.stages) <= MOST_STAGES
     )
 
 
 def _colours(rhs: Any) -> int:
-    """Sweeps for a Jacobian with respect to all variables."""
+    """Number of sweeps for a Jacobian with respect to all variables."""
     pattern = rhs.jac_sparsity(0, 1)
     if rhs.numel_in(2):
         z = rhs.jac_sparsity(0, 2), rhs.jac_sparsity(1, 2)
@@ -124,7 +127,7 @@ class _Program:
         inputs = frozenset(map(pool.var, solution.structure.reduced.inputs))
         self.patterns = patterns(pool, roots, builder.resolved, varying, inputs, zeros)
         self.resolving = builder
-        self.place: dict[int, tuple[str, int]] = dict(self.patterns.leaves)
+        self.position: dict[int, tuple[str, int]] = dict(self.patterns.leaves)
         self.source: dict[str, Any] = {}
         self.operations = 0
 
@@ -136,7 +139,7 @@ class _Program:
         builder.parameters = ca.SX(symbols.p)
         for k in range(symbols.p.numel()):
             if k in self.zeros:
-                builder.parameters[k] = 0  # so that a product of it is zero, whatever the other factor is
+                builder.parameters[k] = 0  # so that a product with it is zero, whatever the other factor
         c = builder.column(self.patterns.constants)
         return ca.Function("constants", [symbols.p, symbols.u], [ca.densify(c)], ["p", "u"], ["c"])
 
@@ -174,7 +177,7 @@ class _Program:
         function = ca.Function(f"few{k}", [symbols], [ca.densify(ca.vertcat(*(value[n] for n in made)))])
         self.operations += int(function.n_instructions())
         self.source[f"few{k}"] = function(self._joined(stage.needed))
-        self.place.update((number, (f"few{k}", i)) for i, number in enumerate(made))
+        self.position.update((number, (f"few{k}", i)) for i, number in enumerate(made))
 
     def _column(self, name: str, column: Column) -> None:
         operands = [
@@ -185,38 +188,38 @@ class _Program:
         if value.numel() == 1:
             value = ca.repmat(value, len(column.members), 1)
         self.source[name] = value
-        self.place.update((number, (name, i)) for i, number in enumerate(column.members))
+        self.position.update((number, (name, i)) for i, number in enumerate(column.members))
         self.operations += 1 + len(operands)
 
     def _gathered(self, members: Sequence[int]) -> Any:
-        """Nodes from one source as a column, or as one scalar where they are all the same."""
+        """Nodes from one source as a column, or as one scalar if they are all the same."""
         first = members[0]
         if first in self.patterns.numbers:
             return ca.MX(self.patterns.numbers[first])
-        source = self.source[self.place[first][0]]
-        return _picked(source, np.array([self.place[n][1] for n in members]))
+        source = self.source[self.position[first][0]]
+        return _picked(source, np.array([self.position[n][1] for n in members]))
 
     def _joined(self, members: Sequence[int]) -> Any:
         """Nodes from any sources as a column."""
         if not members:
             return ca.MX(0, 1)
-        names = list(dict.fromkeys(self.place[n][0] for n in members))
-        wanted = [np.array([self.place[n][1] for n in members if self.place[n][0] == name]) for name in names]
+        names = list(dict.fromkeys(self.position[n][0] for n in members))
+        wanted = [np.array([self.position[n][1] for n in members if self.position[n][0] == name]) for name in names]
         if len(names) == 1:
             return _picked(self.source[names[0]], wanted[0], scalar=False)
-        # of each source what is wanted, in its order; then all into their places
+        # Select the entries of each source in order, then permute all of them to the order of `members`.
         which = {name: k for k, name in enumerate(names)}
-        source = np.array([which[self.place[n][0]] for n in members])
+        source = np.array([which[self.position[n][0]] for n in members])
         order = np.argsort(np.argsort(source, kind="stable"), kind="stable")
         parts = [_picked(self.source[name], at, scalar=False) for name, at in zip(names, wanted, strict=True)]
         return _picked(ca.vertcat(*parts), order, scalar=False)
 
 
 def _picked(source: Any, at: Any, scalar: bool = True) -> Any:
-    """Entries of a column: the whole, a slice or one entry where that is enough, else by index."""
+    """Entries of a column: the whole column, a slice or one entry if that suffices, else by index."""
     first, last = int(at[0]), int(at[-1])
     if source.numel() == 1 and len(at) > 1 and not scalar:
-        return ca.repmat(source, len(at), 1)  # an index list would make a row of a scalar
+        return ca.repmat(source, len(at), 1)  # an index list would turn a scalar into a row
     if scalar and (at == first).all():
         return source if source.numel() == 1 else source[first]
     step = int(at[1]) - first if len(at) > 1 else 1

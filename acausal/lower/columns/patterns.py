@@ -1,9 +1,9 @@
 """Expressions of the same shape: equal equations of a thousand components as operations on columns.
 
-A node's shape is its operation and the shapes of its operands, with leaves as holes: states, algebraic variables,
-modes, time, and whatever does not change during a run. Nodes of one shape at one depth are a column, whose operands
-are, each, entries of one other column: the expressions of 10 000 equal sections of a ladder are five columns. Nodes of
-rare shapes are left to scalar code, in stages between those of the columns.
+The shape of a node is its operation and the shapes of its operands; leaves are represented by their kind only: states,
+algebraic variables, modes, time, and values that do not change during a run. Nodes of one shape at one depth form a
+column, each operand of which consists of entries of one other column: the expressions of 10 000 equal sections of a
+ladder are five columns. Nodes of rare shapes are left to scalar code, in stages between those of the columns.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import Any
 from acausal.flatten.pool import LEAVES, Pool
 
 FEW = 32
-"""Nodes of one shape below which a column does not pay: an operation on columns has the cost of 20 scalar ones."""
+"""With fewer nodes of one shape a column does not pay: an operation on columns costs as much as 20 scalar ones."""
 
 CONSTANT = "c"
-"""Leaves that do not change during a run: expressions of parameters, inputs and numbers."""
+"""Kind of leaves that do not change during a run: expressions of parameters, inputs and numbers."""
 
-_COMMUTES = frozenset(("add", "mul", "min", "max", "and", "or"))
+_COMMUTATIVE = frozenset(("add", "mul", "min", "max", "and", "or"))
 _SCALAR_ONLY = frozenset(("homotopy", "sample", "pre", "initial", "infinitesimal", "terminal"))
 _LOGIC = frozenset(("where", "and", "or", "not"))
 Leaf = tuple[str, int]
@@ -30,19 +30,19 @@ Leaf = tuple[str, int]
 class Column:
     """Nodes of one shape.
 
-    `operands` are one list of nodes, as long as `members`, for each operand of `op`; `decided` are the operands that
-    are boolean variables, whose truth is taken at one half.
+    `operands` has one list of nodes, as long as `members`, for each operand of `op`. `booleans` are the indices of
+    operands that are boolean variables, which are compared with one half.
     """
 
     op: str
     members: list[int]
     operands: list[list[int]]
-    decided: frozenset[int]
+    booleans: frozenset[int]
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Nodes of rare shapes, one by one, with their operands from outside of them; then columns."""
+    """Nodes of rare shapes, one by one, and those of their operands that are not among them; then columns."""
 
     few: list[Column]
     needed: list[int]
@@ -51,19 +51,19 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Patterns:
-    """A program for some roots."""
+    """A program that evaluates some roots."""
 
-    roots: list[int]  # the nodes that stand for the roots
+    roots: list[int]  # the nodes that represent the roots
     # Kind and index of every leaf that is used; `constants` are those of the kind `CONSTANT` in order.
     leaves: dict[int, Leaf]
     constants: list[int]
     numbers: dict[int, float]  # numbers that are operands so often that they are part of a shape
     stages: list[Stage]  # in the order of evaluation
-    divided: bool  # whether anything is divided by what is zero
+    divided: bool  # whether there is a division by zero
 
     @property
     def scalars(self) -> int:
-        """Nodes that are in no column."""
+        """Number of nodes that are in no column."""
         return sum(len(stage.few) for stage in self.stages)
 
     @property
@@ -82,10 +82,16 @@ def patterns(
 ) -> Patterns:
     """The columns and stages of some roots.
 
-    `resolved`: The node that stands for a node: its definition for a defined variable.
-    `varying`: Leaves that change during a run: kind and index.
-    `fixed`: Leaves that do not, beside parameters and numbers.
-    `zeros`: Parameters that are zero: their products are left out.
+    Parameters
+    ----------
+    resolved
+        Returns the node that represents a node: for a defined variable its definition.
+    varying
+        Kind and index of each leaf that changes during a run.
+    fixed
+        Leaves that do not change, besides parameters and numbers.
+    zeros
+        Parameters that are zero: products with them are left out.
     """
     return _Search(pool, resolved, dict(varying), fixed, zeros).found([resolved(r) for r in roots])
 
@@ -102,32 +108,32 @@ class _Search:
         self.nodes = pool.nodes
         self.zero = pool.zero
         self.zeros = zeros
-        self.same = {pool.zero: pool.zero}  # nodes that are others because something is zero
-        self.negated: set[int] = set()  # differences from zero
+        self.replacement = {pool.zero: pool.zero}  # node -> the node that it equals because an operand is zero
+        self.negated: set[int] = set()  # differences `0 - x`
         self.divided = False
-        self.moving: set[int] = set()  # what changes during a run, if nothing were zero
+        self.moving: set[int] = set()  # nodes that change during a run, even where zeros make them constant
         self.resolved = resolved
         self.varying = varying
         self.fixed = fixed
         self.operands: dict[int, list[int]] = {}
-        self.depth = {pool.zero: -1}  # 0 for leaves, -1 for what does not change or is another node
+        self.depth = {pool.zero: -1}  # 0 for leaves, -1 for nodes that do not change or are replaced
         self.shape: dict[int, int] = {}
         self.shapes: dict[Any, int] = {}
         self.stage: dict[int, int] = {}  # even: few; odd: columns
 
     def found(self, roots: list[int]) -> Patterns:
         self._measure(roots)
-        roots = [self.same.get(r, r) for r in roots]
+        roots = [self.replacement.get(r, r) for r in roots]
         uses: dict[int, int] = {}
         for number, below in self.operands.items():
             if self.depth[number] > 0:
                 for c in below:
                     if self.depth[c] < 0:
                         uses[c] = uses.get(c, 0) + 1
-        # an exponent is no operand of a function of many: by it, powers of negative numbers have no derivative
-        powers = {below[1] for n, below in self.operands.items() if self.nodes[n][0] == "pow" and len(below) == 2}
+        # Exponents become numbers: with a variable exponent, powers of negative numbers have no derivative.
+        exponents = {below[1] for n, below in self.operands.items() if self.nodes[n][0] == "pow" and len(below) == 2}
         numbers = {
-            c: self.nodes[c][1] for c, k in uses.items() if (k >= FEW or c in powers) and self.nodes[c][0] == "const"
+            c: self.nodes[c][1] for c, k in uses.items() if (k >= FEW or c in exponents) and self.nodes[c][0] == "const"
         }
         for r in roots:
             numbers.pop(r, None)
@@ -141,7 +147,7 @@ class _Search:
         return Patterns(roots, leaves, constants, numbers, stages, self.divided)
 
     def _measure(self, roots: list[int]) -> None:
-        """Operands and depth of everything below the roots."""
+        """Determine the operands and the depth of everything below the roots."""
         nodes, depth, operands = self.nodes, self.depth, self.operands
         stack = list(roots)
         while stack:
@@ -177,28 +183,28 @@ class _Search:
             raise KeyError(f"{op} {below} is neither known nor defined")
         self.depth[number] = -1
         if (op == "par" and below[0] in self.zeros) or (op == "const" and below[0] == 0.0):
-            self.same[number] = self.zero
+            self.replacement[number] = self.zero
 
     def _vanishes(self, number: int, op: str) -> bool:
-        """Whether another node stands for this one, because an operand is zero."""
+        """Whether this node equals another one because an operand is zero, which is noted as its replacement."""
         below = self.operands[number]
-        if self.same:
-            below = self.operands[number] = [self.same.get(c, c) for c in below]
+        if self.replacement:
+            below = self.operands[number] = [self.replacement.get(c, c) for c in below]
         if self.zero not in below:
             return False
-        gone = [c == self.zero for c in below]
-        self.divided = self.divided or (op == "div" and gone[1])
-        if op in ("mul", "neg") or (op == "div" and not gone[1]) or (op in ("add", "sub") and all(gone)):
-            self.same[number] = self.zero
+        is_zero = [c == self.zero for c in below]
+        self.divided = self.divided or (op == "div" and is_zero[1])
+        if op in ("mul", "neg") or (op == "div" and not is_zero[1]) or (op in ("add", "sub") and all(is_zero)):
+            self.replacement[number] = self.zero
         elif op == "add":
-            self.same[number] = below[0] if gone[1] else below[1]
-        elif op == "sub" and gone[1]:
-            self.same[number] = below[0]
+            self.replacement[number] = below[0] if is_zero[1] else below[1]
+        elif op == "sub" and is_zero[1]:
+            self.replacement[number] = below[0]
         elif op == "sub":
             self.negated.add(number)
             self.operands[number] = [below[1]]
             return False
-        return number in self.same
+        return number in self.replacement
 
     def _stages(self, leaves: Mapping[int, Leaf], numbers: Mapping[int, float]) -> list[Stage]:
         levels: dict[int, list[int]] = {}
@@ -235,23 +241,23 @@ class _Search:
         ]
 
     def _key(self, number: int) -> Any:
-        """Operation, which operands are boolean variables, and shapes of the operands, in order where it is free."""
+        """Operation, indices of boolean operands, shapes of operands; those of commutative operations are sorted."""
         op = self.nodes[number][0] if number not in self.negated else "neg"
         below = self.operands[number]
         shape = self.shape
-        if op in _COMMUTES and len(below) == 2 and shape[below[0]] > shape[below[1]]:
+        if op in _COMMUTATIVE and len(below) == 2 and shape[below[0]] > shape[below[1]]:
             below = self.operands[number] = [below[1], below[0]]
-        decided: frozenset[int] = frozenset()
+        booleans: frozenset[int] = frozenset()
         if op in _LOGIC:
             conditions = 1 if op == "where" else len(below)
-            decided = frozenset(k for k in range(conditions) if self.nodes[below[k]][0] in ("var", "where", "noevent"))
-        return (op, decided, *(shape[c] for c in below))
+            booleans = frozenset(k for k in range(conditions) if self.nodes[below[k]][0] in ("var", "where", "noevent"))
+        return (op, booleans, *(shape[c] for c in below))
 
     def _shape(self, key: Any) -> int:
         return self.shapes.setdefault(key, len(self.shapes))
 
     def _after(self, operands: Sequence[int], odd: int) -> int:
-        """The first even, or odd, stage in which all operands are known."""
+        """The first even, or odd, stage at which all operands are available."""
         ready = max((self.stage.get(c, -1) for c in operands), default=-1)
         return ready if ready >= 0 and ready % 2 == odd else ready + 1 if (ready + 1) % 2 == odd else ready + 2
 

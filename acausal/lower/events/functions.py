@@ -1,4 +1,4 @@
-"""Functions of a compiled model for the event iteration, and texts of its relations for messages.
+"""Functions of a compiled model for the event iteration, and the texts of its relations for messages.
 
 Arguments are those of the right-hand side, `(t, x[nx], z[nz], u[nu], p[np], m[nm])`; all outputs are dense columns.
 """
@@ -20,10 +20,10 @@ from acausal.lower.events.round import round_of
 from acausal.lower.lowered import Lowered
 
 _INPUTS = ["t", "x", "z", "u", "p", "m"]
-# Relative rounding error of an instant and of the sides of its relation.
-_SAME_INSTANT = 1e-15
+# Relative bound on the rounding errors of an instant and of the sides of its relation.
+_INSTANT_TOLERANCE = 1e-15
 AT_REST = 1.0
-"""Distance reported for a relation that may rest, where its sides are equal."""
+"""Distance of a relation that may rest, where its sides are equal."""
 _TWIN = {"gt": "ge", "ge": "gt", "lt": "le", "le": "lt"}
 
 
@@ -35,11 +35,11 @@ class EventFunctions:
 
     @cached_property
     def reactions(self) -> Any:
-        """`-> (distance, assigned, conditions, values, remembered, asserts)` under given modes.
+        """`-> (distance, assigned, conditions, values, remembered, asserts)` for given modes.
 
-        `distance`, one per relation, is positive where the relation holds; `assigned` are the values of the discrete
-        equations; `conditions` the truth of `StateEvents.conditions`, `values` the values of all actions in order;
-        `remembered` the next value of each `pre`; `asserts` the truth of the assertions.
+        `distance` has one entry per relation, positive where it holds. `assigned` are the values of the discrete
+        equations, `conditions` those of `StateEvents.conditions`, `values` those of all actions in order, `remembered`
+        the next values of each `pre`, and `asserts` the values of the assertions.
         """
         symbols, builder = self._defined()
         events = self.compiled.state_events
@@ -61,7 +61,7 @@ class EventFunctions:
         return round_of(self.compiled, self.reactions, Symbols(self.compiled))
 
     def struck(self, acting: Collection[int]) -> Any:
-        """`-> dx[nx]`: jump of the states when these actions, as far as they are impulses, act at once."""
+        """`-> dx[nx]`: jump of the states when those of these actions that are impulses act together."""
         return struck(self.compiled, acting)
 
     @cached_property
@@ -74,7 +74,7 @@ class EventFunctions:
 
     @cached_property
     def watch(self) -> Any:
-        """`-> g`, one per relation: its distance with the sign of its mode, positive until the mode changes."""
+        """`-> g`, one per relation: its distance with the sign of its mode, positive until the mode has to change."""
         symbols, builder = self._defined()
         distances = self.signed_at_rest(self._relation_distances(builder))
         first = symbols.m.numel() - len(distances)
@@ -83,12 +83,12 @@ class EventFunctions:
 
     @cached_property
     def rates(self) -> Any:
-        """See `guard_rates`; of `watch`."""
+        """`guard_rates` of `watch`."""
         return guard_rates(self.compiled, self.watch)
 
     @cached_property
     def texts(self) -> tuple[str, ...]:
-        """Texts of the relations for messages; twins have one text, that of the strict relation."""
+        """Texts of the relations for messages; twins share the text of the strict relation."""
         reduced = self.compiled.solution.structure.reduced
         texts = [reduced.text(n) for n in self.compiled.state_events.relations]
         strict = [next((j for j in t if self.ties[k] == 1), k) for k, t in enumerate(self.twins)]
@@ -96,7 +96,7 @@ class EventFunctions:
 
     @cached_property
     def ties(self) -> tuple[int, ...]:
-        """Truth of each relation where its sides are equal, 0 or 1; -1 for a kink that is only located."""
+        """Value of each relation where its sides are equal, 0 or 1; -1 for a kink that is only located."""
         events = self.compiled.state_events
         kinds = (self._pool.nodes[n][0] in ("le", "ge") for n in events.relations)
         return tuple(-1 if k in events.watched else int(holds) for k, holds in enumerate(kinds))
@@ -104,15 +104,15 @@ class EventFunctions:
     @cached_property
     def timed(self) -> tuple[bool, ...]:
         """Whether each relation depends on time and parameters alone."""
-        moved = {k for i in (1, 2, 3, 5) for k in self.distances.jac_sparsity(0, i).get_triplet()[0]}
-        return tuple(k not in moved for k in range(len(self.compiled.state_events.relations)))
+        varying = {k for i in (1, 2, 3, 5) for k in self.distances.jac_sparsity(0, i).get_triplet()[0]}
+        return tuple(k not in varying for k in range(len(self.compiled.state_events.relations)))
 
     @cached_property
     def twins(self) -> tuple[tuple[int, ...], ...]:
-        """For each relation, those that differ from it only where the sides are equal: `x >= 0` for `x > 0`."""
+        """For each relation, those that differ from it only where the sides are equal, such as `x >= 0` and `x > 0`."""
         nodes = [self._pool.nodes[n] for n in self.compiled.state_events.relations]
-        place = {node: k for k, node in enumerate(nodes)}
-        found = (place.get((_TWIN[op], *sides)) for op, *sides in nodes)
+        index_of = {node: k for k, node in enumerate(nodes)}
+        found = (index_of.get((_TWIN[op], *sides)) for op, *sides in nodes)
         return tuple(() if k is None else (k,) for k in found)
 
     @cached_property
@@ -123,9 +123,9 @@ class EventFunctions:
 
     @cached_property
     def resetting(self) -> tuple[frozenset[int], ...]:
-        """For each relation the numbers of the `when`s on it alone that reset something.
+        """For each relation, the indices of the `when`s on it alone that reset something.
 
-        Not the clauses: these functions serve equal systems, whose clauses have other names.
+        Indices instead of clauses, because equal systems share these functions, and their clauses have other names.
         """
         found: dict[int, set[int]] = {}
         for k, clause in enumerate(self.compiled.state_events.clauses):
@@ -135,14 +135,14 @@ class EventFunctions:
 
     @cached_property
     def struck_by(self) -> frozenset[int]:
-        """Relations on which such a `when` is an impulse."""
+        """Relations for which such a `when` contains an impulse."""
         hits = {k for _, k in impulses(self.compiled)}
         return frozenset(k for k, clauses in enumerate(self.resetting) if hits & clauses)
 
     def signed_at_rest(self, distances: Sequence[Any]) -> list[Any]:
-        """Distances whose sign determines the relation, also at rest, where the sides stay equal.
+        """Distances whose sign determines the relation, even at rest, where the sides stay equal.
 
-        A distance that came to zero and stayed there would not show that `force > 0` has ended.
+        A distance that reached zero and stayed there would not show that `force > 0` no longer holds.
         """
         resting = self.compiled.state_events.resting
         ends = {k: AT_REST if tie else -AT_REST for k, tie in enumerate(self.ties) if k in resting}
@@ -153,12 +153,12 @@ class EventFunctions:
         return symbols, symbols.defined(self.compiled)
 
     def _relation_distances(self, builder: Any) -> list[Any]:
-        found = []
+        distances = []
         for number in self.compiled.state_events.relations:
             op, a, b = self._pool.nodes[number]
             left, right = builder.lower(builder.replaced((a, b)))
-            found.append(right - left if op in ("lt", "le") else left - right)
-        return found
+            distances.append(right - left if op in ("lt", "le") else left - right)
+        return distances
 
     @property
     def _pool(self) -> Any:
@@ -166,26 +166,25 @@ class EventFunctions:
 
 
 def just_after(builder: Builder, events: TimeEvents) -> Any:
-    """Truth of the relations of time just after the builder's time, as a column.
+    """Values of the relations of time just after the builder's time, as a column.
 
-    At its instant a relation has the value that it takes right after: `time > p` and `time >= p` are the same, and so
-    is
-    `3*time > 3*p` where the products are rounded.
+    At its instant a relation has the value that it takes right after. Thus `time > p` and `time >= p` are the same, and
+    so is `3*time > 3*p`, in spite of the rounding of the products.
     """
     nodes = builder.pool.nodes
-    now, instants, slopes = (builder.column(v) for v in (events.relations, events.instants, events.slopes))
+    value, instants, slopes = (builder.column(v) for v in (events.relations, events.instants, events.slopes))
     signs = ca.DM([1.0 if nodes[n][0] in ("gt", "ge") else -1.0 for n in events.relations])
-    # One comparison for before and after: optimal control evaluates relations inside phases only, never at an instant.
-    reached = builder.time >= instants - _SAME_INSTANT * (ca.fabs(builder.time) + ca.fabs(instants))
+    # A single comparison suffices: optimal control evaluates relations inside phases only, never at their instants.
+    reached = builder.time >= instants - _INSTANT_TOLERANCE * (ca.fabs(builder.time) + ca.fabs(instants))
     passed = ca.if_else(slopes * signs > 0, reached, ca.logic_not(reached))
-    return ca.if_else(slopes != 0, passed, now)
+    return ca.if_else(slopes != 0, passed, value)
 
 
 def guard_rates(compiled: Lowered, watch: Any) -> Any:
     """`(t, x, z, u, p, m, ex, ez) -> (dg/dt without z, noise, dg/dz, dalg/dt without z, dalg/dz)` of guards g.
 
-    Time derivatives along the solution, and the error bound of each guard for errors `ex` of states and `ez` of
-    algebraic variables. Directional derivatives, because there may be hundreds of guards and states.
+    Time derivatives along the solution, and `noise`, the error bound of each guard for errors `ex` of states and `ez`
+    of algebraic variables. Computed as directional derivatives, because there may be hundreds of guards and states.
     """
     s = Symbols(compiled)
     ode, alg = compiled.rhs(*s.inputs)

@@ -1,12 +1,12 @@
 """Impulses: jumps of velocities caused by a force that acts for an instant.
 
-`reset(v, value, by=hit)` means that for an instant dt the discrete variable `hit` is P / dt, with P as large as it
-takes for the velocity v to become `value`. In the equations of motion integrated over that instant all finite forces
-vanish; what remains is linear, M dv = J^T p + b P with J v+ = 0 (F. Pfeiffer, C. Glocker, Multibody Dynamics with
-Unilateral Contacts, 1996, chapter 8). It need not be assembled: the compiled rates of the states, with all constraint
-forces solved for, hold for any value of `hit`, and their derivative by it is dv / P. So x+ = x- + B P with B =
-d(rates)/d(hit), and P follows from v(x+) = value. Springs, dampers and gravity drop out, and constraints hold after the
-impact as before, whether they are solved or stabilised, because B satisfies them.
+`reset(v, value, by=hit)` means that for an instant dt the discrete variable `hit` is P / dt, with P such that the
+velocity v becomes `value`. When the equations of motion are integrated over that instant, all finite forces vanish, and
+a linear system remains: M dv = J^T p + b P with J v+ = 0 (F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral
+Contacts, 1996, chapter 8). It need not be assembled: the compiled rates of the states, with all constraint forces
+eliminated, hold for any value of `hit`, and their derivative by it is dv / P. Therefore x+ = x- + B P with B =
+d(rates)/d(hit), and P follows from v(x+) = value. Springs, dampers and gravity drop out. Constraints hold after the
+impact as they did before, whether they are solved or stabilised, because B satisfies them.
 
 This requires that B is the same before, during and after the impact: structurally, B must not depend on any variable
 that jumps.
@@ -27,10 +27,10 @@ from acausal.lower.build import Symbols
 from acausal.lower.lowered import Lowered
 from acausal.reduce.cone import loops
 
-_NOTHING = 1e-11
-"""An impulse does not change a velocity if the change is a smaller part of the sum of its terms' magnitudes."""
+_NEGLIGIBLE = 1e-11
+"""A change of velocity counts as zero if it is smaller than this fraction of the summed magnitudes of its terms."""
 
-_MOST = 1e300
+_LARGEST_IMPULSE = 1e300
 
 
 def impulses(compiled: Lowered) -> list[tuple[int, int]]:
@@ -44,42 +44,42 @@ def impulses(compiled: Lowered) -> list[tuple[int, int]]:
 class Impulses:
     """The impulses of a model as expressions of the symbols `s`.
 
-    `actions` are their indices among all actions. For k impulses and nx states, `effect` is B, shape (nx, k); `moved`
-    is the change of the velocities by each impulse, shape (k, k); `sizes` bounds its diagonal without cancellation,
-    shape (k,); `missing` is the difference of the new values from the velocities, shape (k,).
+    `actions` are their indices among all actions. For k impulses and nx states, `effect` is B, shape (nx, k).
+    `velocity_changes` is the change of the k velocities by each impulse, shape (k, k), and `sizes` bounds its diagonal
+    without cancellation, shape (k,). `required` is the difference of the new values from the velocities, shape (k,).
     """
 
     actions: tuple[int, ...]
     effect: Any
-    moved: Any
+    velocity_changes: Any
     sizes: Any
-    missing: Any
+    required: Any
     follow: Callable[[Any], Any]
-    """Change of the velocities for a change of the states."""
+    """Maps a change of the states to the change of the velocities."""
 
     def after(self, s: Symbols, x: Any, acting: Sequence[Any]) -> tuple[Any, Any]:
         """(States after the impulses that act, whether a solution exists); `x` are the states after other `reset`s.
 
-        Simultaneous impulses are solved for together.
+        Simultaneous impulses are determined together.
         """
-        act: Any = ca.vertcat(*acting)
-        count = act.numel()
-        missing = act * (self.missing - self.follow(ca.sparsify(x - s.x)))
-        both_act = act @ act.T
-        matrix = both_act * self.moved + ca.diag(1 - act)
-        impulse = missing / matrix if count == 1 else ca.solve(ca.densify(matrix), missing)
-        size = ca.if_else(act, ca.fabs(ca.diag(self.moved)) - _NOTHING * self.sizes, 1)
+        active: Any = ca.vertcat(*acting)
+        count = active.numel()
+        required = active * (self.required - self.follow(ca.sparsify(x - s.x)))
+        both_active = active @ active.T
+        matrix = both_active * self.velocity_changes + ca.diag(1 - active)
+        impulse = required / matrix if count == 1 else ca.solve(ca.densify(matrix), required)
+        size = ca.if_else(active, ca.fabs(ca.diag(self.velocity_changes)) - _NEGLIGIBLE * self.sizes, 1)
         possible = ca.mmin(size) > 0
         for k in range(count):  # the comparison is false for nan
-            possible = ca.logic_and(possible, ca.fabs(impulse[k]) < _MOST)
-        impulse = ca.if_else(ca.mmax(act), ca.if_else(possible, impulse, float("nan")), 0)
+            possible = ca.logic_and(possible, ca.fabs(impulse[k]) < _LARGEST_IMPULSE)
+        impulse = ca.if_else(ca.mmax(active), ca.if_else(possible, impulse, float("nan")), 0)
         return x + self.effect @ impulse, possible
 
 
 def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     """The impulses of a model; None if it has none.
 
-    Raises StructureError: AC210 for a force that does not act on the velocity it is to reset, or whose effect depends
+    Raises StructureError: AC210 for a force that does not act on the velocity that it resets, or whose effect depends
     on variables that jump.
     """
     model_impulses = impulses(compiled)
@@ -88,38 +88,41 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     pool, clauses = compiled.solution.structure.reduced.pool, compiled.state_events.clauses
     actions = [action for clause in clauses for action in clause.actions]
     builder = s.defined(compiled)
-    before = ca.SX(s.x)  # discrete variables before the event: a slack string does not transmit the impulse yet
+    # Discrete variables have their values from before the event: a string that is slack does not yet transmit a force.
+    before = ca.SX(s.x)
     memory = dict(zip(compiled.mode_nodes, compiled.mode_places, strict=True))
     for k in range(compiled.n_dynamic + compiled.quadratures, len(compiled.states)):
-        place = memory.get(pool.make("pre", pool.var(compiled.state_variables[k])))
-        before[k] = s.x[k] if place is None else s.m[place]
-    ends = [pool.nodes[n] for n in builder.replaced(actions[a][1] for a, _ in model_impulses)]
-    speeds = ca.vertcat(*builder.lower([node[1] for node in ends]))
-    values = ca.vertcat(*builder.lower([node[2] for node in ends]))
+        index = memory.get(pool.make("pre", pool.var(compiled.state_variables[k])))
+        before[k] = s.x[k] if index is None else s.m[index]
+    impulse_nodes = [pool.nodes[n] for n in builder.replaced(actions[a][1] for a, _ in model_impulses)]
+    speeds = ca.vertcat(*builder.lower([node[1] for node in impulse_nodes]))
+    values = ca.vertcat(*builder.lower([node[2] for node in impulse_nodes]))
     ode, alg = compiled.rhs(s.t, before, *s.inputs[2:])
     solver = _Response(compiled, s, alg)
     effects = []
     for a, _ in model_impulses:
-        own = ca.SX(s.x.numel(), 1)
-        own[actions[a][0]] = 1
-        effects.append(ca.jacobian(ode, s.x) @ own + ca.jacobian(ode, s.z) @ solver.of(own))
+        unit = ca.SX(s.x.numel(), 1)
+        unit[actions[a][0]] = 1
+        effects.append(ca.jacobian(ode, s.x) @ unit + ca.jacobian(ode, s.z) @ solver.of(unit))
     by_x, by_z = ca.jacobian(speeds, s.x), ca.jacobian(speeds, s.z)
 
     def follow(direction: Any) -> Any:
         return by_x @ direction + by_z @ solver.of(direction)
 
-    moved = ca.horzcat(*map(follow, effects))
+    velocity_changes = ca.horzcat(*map(follow, effects))
     sizes = ca.vertcat(
         *(ca.fabs(by_x[k, :]) @ ca.fabs(e) + ca.fabs(by_z[k, :]) @ ca.fabs(solver.of(e)) for k, e in enumerate(effects))
     )
-    # no check in a regime that fixes the velocity: the event is then handled with the equations of free motion
+    # No check in a regime that fixes the velocity: the event is then handled with the equations of free motion.
     for k, (a, clause) in enumerate(model_impulses if not compiled.varied else []):
-        _check(compiled, s, clauses[clause], actions[a][0], effects[k], speeds[k], moved[k, :], solver)
-    return Impulses(tuple(a for a, _ in model_impulses), ca.horzcat(*effects), moved, sizes, values - speeds, follow)
+        _check(compiled, s, clauses[clause], actions[a][0], effects[k], speeds[k], velocity_changes[k, :], solver)
+    return Impulses(
+        tuple(a for a, _ in model_impulses), ca.horzcat(*effects), velocity_changes, sizes, values - speeds, follow
+    )
 
 
 def struck(compiled: Lowered, acting: Collection[int]) -> Any:
-    """`(t, x, z, u, p, m) -> dx[nx]`: jump of the states when the impulses among the actions `acting` act at once."""
+    """`(t, x, z, u, p, m) -> dx[nx]`: jump of the states when the impulses among the actions `acting` act together."""
     s = Symbols(compiled)
     found = impulses_of(compiled, s)
     jump = ca.SX(s.x.numel(), 1)
@@ -129,17 +132,17 @@ def struck(compiled: Lowered, acting: Collection[int]) -> Any:
 
 
 class _Response:
-    """Response of the algebraic variables to a change of states, block by block to keep structural zeros."""
+    """Response of the algebraic variables to a change of states, block by block in order to keep structural zeros."""
 
     def __init__(self, compiled: Lowered, s: Symbols, alg: Any) -> None:
         self.s = s
         self.by_x, self.by_z = ca.jacobian(alg, s.x), ca.jacobian(alg, s.z)
-        place = {v: k for k, v in enumerate(compiled.solution.algebraic)}
+        index_of = {v: k for k, v in enumerate(compiled.solution.algebraic)}
         self.blocks: list[tuple[list[int], list[int]]] = []
         first = 0
         for iterated, residuals in loops(compiled.solution):
             rows = list(range(first, first + len(residuals)))
-            self.blocks.append(([place[v] for v in iterated], rows))
+            self.blocks.append(([index_of[v] for v in iterated], rows))
             first += len(residuals)
 
     def of(self, direction: Any) -> Any:
@@ -147,43 +150,49 @@ class _Response:
         dz = ca.SX(self.s.z.numel(), 1)
         right = ca.SX(self.by_x @ direction)
         for columns, rows in self.blocks:
-            load = right[rows] + self.by_z[rows, :] @ dz
-            load = ca.sparsify(load)
-            if not load.nnz():
+            rhs = right[rows] + self.by_z[rows, :] @ dz
+            rhs = ca.sparsify(rhs)
+            if not rhs.nnz():
                 continue
-            own = self.by_z[rows, columns]
-            step = -load / own if len(rows) == 1 else -ca.solve(own, ca.densify(load))
+            block = self.by_z[rows, columns]
+            step = -rhs / block if len(rows) == 1 else -ca.solve(block, ca.densify(rhs))
             for k, column in enumerate(columns):
                 dz[column] = step[k]
         return ca.sparsify(dz)
 
 
 def _check(
-    compiled: Lowered, s: Symbols, clause: Clause, hit: int, effect: Any, speed: Any, moved: Any, solver: _Response
+    compiled: Lowered,
+    s: Symbols,
+    clause: Clause,
+    force: int,
+    effect: Any,
+    speed: Any,
+    velocity_changes: Any,
+    solver: _Response,
 ) -> None:
     """Raise StructureError AC210 for an impulse that cannot reset its velocity."""
-    name = compiled.states[hit]
-    own = ca.SX(s.x.numel(), 1)
-    own[hit] = 1
-    forced = solver.of(own)
-    at_once = ca.jacobian(speed, s.x[hit]).nnz() or (ca.jacobian(speed, s.z) @ forced).nnz()
+    name = compiled.states[force]
+    unit = ca.SX(s.x.numel(), 1)
+    unit[force] = 1
+    response = solver.of(unit)
+    at_once = ca.jacobian(speed, s.x[force]).nnz() or (ca.jacobian(speed, s.z) @ response).nnz()
     jumping = [s.x[k] for k in ca.sparsify(effect).sparsity().row()]
-    jumping += [s.z[k] for k in {*forced.sparsity().row(), *solver.of(effect).sparsity().row()}]
-    changes = jumping and ca.depends_on(ca.vertcat(effect, moved.T), ca.vertcat(*jumping))
-    if not at_once and moved.nnz() and not changes:
+    jumping += [s.z[k] for k in {*response.sparsity().row(), *solver.of(effect).sparsity().row()}]
+    changes = jumping and ca.depends_on(ca.vertcat(effect, velocity_changes.T), ca.vertcat(*jumping))
+    if not at_once and velocity_changes.nnz() and not changes:
         return
     if at_once:
-        fact, cause = (
-            f"what {name} is to reset is no velocity",
-            "it follows that force at once, as an acceleration does",
-        )
-        help_ = "reset a velocity, der(...) of a position, to what it is after the impact"
+        fact = f"the variable that {name} is to reset is no velocity"
+        cause = "it depends directly on that force, as an acceleration does"
+        help_ = "reset a velocity, der(...) of a position, to its value after the impact"
     elif changes:
         fact = f"the impulse of {name} changes what its own effect depends on"
-        cause = "while it acts nothing may jump but what is moved in proportion to it, by positions and masses"
-        help_ = "let the force enter a balance of forces, with a factor that only positions change"
+        cause = "the jumps that an impulse causes must be proportional to it, with factors that do not jump themselves"
+        help_ = "let the force enter a balance of forces, with a factor that depends on positions only"
     else:
-        fact, cause = f"the impulse of {name} moves nothing of that", "no equation leads from one to the other"
+        fact = f"the impulse of {name} moves nothing that determines the velocity it is to reset"
+        cause = "no equation leads from the force to the velocity"
         help_ = f"add {name} to the forces of the equation of motion: it is zero between impacts"
     raise StructureError(
         "AC210", f"{compiled.name}: {fact}", where=(clause.where,), evidence=[clause.text], cause=cause, help=help_

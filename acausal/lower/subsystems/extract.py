@@ -1,7 +1,7 @@
-"""Canonical form of the expressions of one group of states, the same for equal groups.
+"""Canonical form of the expressions of one group of states.
 
 Nodes and variables are numbered in the order of a traversal from the roots. Parameters, inputs, and constants that may
-differ between equal groups become numbered holes. Groups are equal if their canonical forms are.
+differ between equal groups become numbered holes. Two groups are equal if their canonical forms are.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 from acausal.flatten.pool import LEAVES, Pool
 
 # Constants that are structural: the pool simplifies products with them.
-_PLAIN = frozenset((0.0, 1.0, -1.0, 2.0, 0.5))
+_STRUCTURAL = frozenset((0.0, 1.0, -1.0, 2.0, 0.5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,13 +23,13 @@ class Extract:
     # Nodes, whose operands are indices in this list, variables, or holes `("hole", k)`. Equal groups have equal
     # `entries`, `roots` and `definitions`.
     entries: tuple[tuple[Any, ...], ...]
-    roots: tuple[int, ...]  # indices of the given roots
+    roots: tuple[int, ...]  # indices of the roots
     definitions: tuple[tuple[int, int], ...]  # (variable, index of its node) in the order of evaluation
     images: tuple[tuple[int, int], ...]  # (index of a node, index of the node that replaces it)
-    variables: tuple[int, ...]  # variables of the whole model, by their numbers here
+    variables: tuple[int, ...]  # variables of the whole model, by their numbers in this form
     # Content of each hole: `("par", k)`, `("const", value)` or `("input", k)` of the whole model.
     holes: tuple[tuple[str, float], ...]
-    nodes: tuple[int, ...]  # nodes of the whole model, by their indices here
+    nodes: tuple[int, ...]  # nodes of the whole model, by their indices in this form
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -49,16 +49,16 @@ def extract(
     Parameters
     ----------
     definition
-        By variable: its position in the order of evaluation, and its node.
+        Maps variables to their positions in the order of evaluation, and their nodes.
     images
         Maps nodes to those that replace them.
     inputs
-        Index of each variable that is an input.
+        Maps variables that are inputs to their indices.
     """
     extraction = _Extraction(pool, definition, images, inputs)
-    places = extraction.enter_all(roots)
+    root_indices = extraction.enter_all(roots)
     visited = 0
-    while visited < len(extraction.variables):  # definitions of the variables met, which may contain further variables
+    while visited < len(extraction.variables):  # definitions may contain further variables
         variable = extraction.variables[visited]
         visited += 1
         if variable in definition:
@@ -68,9 +68,9 @@ def extract(
     )
     return Extract(
         tuple(extraction.entries),
-        tuple(places),
-        tuple((k, extraction.place[node]) for _, k, node in defined),
-        tuple((extraction.place[a], extraction.place[b]) for a, b in extraction.images),
+        tuple(root_indices),
+        tuple((k, extraction.index_of[node]) for _, k, node in defined),
+        tuple((extraction.index_of[a], extraction.index_of[b]) for a, b in extraction.images),
         tuple(extraction.variables),
         tuple(extraction.holes),
         tuple(extraction.nodes),
@@ -88,7 +88,7 @@ class _Extraction:
         self.pool, self.definition, self.replacement, self.inputs = pool, definition, images, inputs
         self.entries: list[tuple[Any, ...]] = []
         self.nodes: list[int] = []
-        self.place: dict[int, int] = {}
+        self.index_of: dict[int, int] = {}
         self.variables: list[int] = []
         self.number: dict[int, int] = {}
         self.holes: list[tuple[str, float]] = []
@@ -96,12 +96,12 @@ class _Extraction:
         self.exponents: set[int] = set()
 
     def enter_all(self, roots: Iterable[int]) -> list[int]:
-        """Enter nodes with all nodes below them and their replacements; returns the indices of the roots."""
+        """Add nodes, all nodes below them, and their replacements; return the indices of the roots."""
         nodes, roots = self.pool.nodes, list(roots)
         stack = roots[::-1]
         while stack:
             number = stack[-1]
-            if number in self.place:
+            if number in self.index_of:
                 stack.pop()
                 continue
             op, *below = nodes[number]
@@ -111,21 +111,21 @@ class _Extraction:
                 continue
             if op == "pow":
                 self.exponents.add(below[1])
-            missing = [c for c in below if c not in self.place]
+            missing = [c for c in below if c not in self.index_of]
             if missing:
                 stack.extend(reversed(missing))
                 continue
-            self._enter(number, (op, *(self.place[c] for c in below)))
+            self._enter(number, (op, *(self.index_of[c] for c in below)))
             stack.pop()
             if number in self.replacement and self.replacement[number] != number:
                 self.images.append((number, self.replacement[number]))
                 stack.insert(0, self.replacement[number])
             elif number in self.replacement:
                 self.images.append((number, number))
-        return [self.place[r] for r in roots]
+        return [self.index_of[r] for r in roots]
 
     def _enter(self, number: int, entry: tuple[Any, ...]) -> None:
-        self.place[number] = len(self.entries)
+        self.index_of[number] = len(self.entries)
         self.entries.append(entry)
         self.nodes.append(number)
 
@@ -137,7 +137,7 @@ class _Extraction:
                 self.number[what[0]] = len(self.variables)
                 self.variables.append(what[0])
             return "var", self.number[what[0]]
-        if op == "const" and (what[0] in _PLAIN or number in self.exponents):
+        if op == "const" and (what[0] in _STRUCTURAL or number in self.exponents):
             return "const", what[0]
         self.holes.append(("input", self.inputs[what[0]]) if op == "var" else (op, what[0]))
         return "hole", len(self.holes) - 1

@@ -1,8 +1,9 @@
 """A compiled model as several independent systems, each with its own steps and events in a run.
 
-Integrated as one system, every impact would force small steps on all bodies. Equal systems share one model, with the
-numbers that differ as parameters, so that compile time and memory do not grow with their number. They are found in the
-lowered model, so aliases, states and located relations are those of the whole.
+If they were integrated as one system, every impact would force small steps on all bodies. Equal systems share one
+model, in which the numbers that differ are parameters, so that compile time and memory do not grow with the number of
+systems. They are found in the lowered model, so that aliases, states and located relations are those of the whole
+model.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from acausal.lower.subsystems.extract import Extract, extract
 from acausal.lower.subsystems.partition import Group, groups, may_be_split
 
 FEWEST = 4
-"""Least number of systems with located events for which splitting pays."""
+"""Least number of systems with located events with which splitting pays."""
 _MOST_KINDS = 32
 
 
@@ -38,19 +39,19 @@ _MOST_KINDS = 32
 class Subsystem:
     """One independent system."""
 
-    # It has its own names, and shares the functions of all equal systems (`CompiledModel.like`).
+    # A model with its own names, which shares the functions of all equal systems (`CompiledModel.like`).
     model: CompiledModel
-    # `states`, `modes`: indices of its states and modes in those of the whole model.
+    # Indices of its states and modes among those of the whole model.
     states: Indices
     modes: Indices
-    # Its parameters are entries of p of the whole model (`parameters`: their indices), then entries of u (`inputs`:
-    # their indices), then `numbers`.
+    # Its parameters are entries of p of the whole model, with indices `parameters`, then entries of u, with indices
+    # `inputs`, then `numbers`.
     parameters: Indices
     inputs: Indices
     numbers: Vector
 
     def p(self, p: Vector, u: Vector) -> Vector:
-        """Its parameters, shape (np of it,), from p, shape (np,), and u, shape (nu,), of the whole model."""
+        """Parameters of the system, from those of the whole model, shape (np,), and its inputs, shape (nu,)."""
         return np.concatenate([p[self.parameters], u[self.inputs], self.numbers])
 
 
@@ -69,7 +70,7 @@ def subsystems(compiled: CompiledModel) -> tuple[Subsystem, ...]:
 
 def _split(compiled: CompiledModel) -> tuple[Subsystem, ...]:
     candidates = [g for g in groups(compiled) if not _is_constant(compiled, g)]
-    # only systems with dynamic states and relations gain by steps of their own
+    # Only systems with dynamic states and relations benefit from steps of their own.
     if sum(bool(g.relations) and g.states[0] < compiled.n_dynamic for g in candidates) < FEWEST:
         return ()
     definition = {v: (k, node) for k, (v, node) in enumerate(compiled.solution.definitions)}
@@ -78,7 +79,7 @@ def _split(compiled: CompiledModel) -> tuple[Subsystem, ...]:
     pool = compiled.solution.structure.reduced.pool
     extracts = [extract(pool, w.roots, definition, compiled.rewritten, inputs) for w in statements]
     if not set(compiled.narrow.arguments) <= {n for e in extracts for n in e.nodes}:
-        return ()  # every steep function must belong to one of them
+        return ()  # a steep function belongs to none of them
     kinds: dict[Any, list[int]] = {}
     for k, (w, e) in enumerate(zip(statements, extracts, strict=True)):
         kinds.setdefault((e.key, w.key(e)), []).append(k)
@@ -93,7 +94,7 @@ def _split(compiled: CompiledModel) -> tuple[Subsystem, ...]:
 
 
 def _is_constant(compiled: CompiledModel, group: Group) -> bool:
-    """Whether no state of a group ever changes: discrete variables that no clause sets."""
+    """Whether no state of a group ever changes, because it consists of discrete variables that no clause sets."""
     return group.has_no_events and min(group.states) >= len(compiled.states) - compiled.discretes
 
 
@@ -143,7 +144,7 @@ class _Statements:
 
     @property
     def _shared_nodes(self) -> tuple[Sequence[int], ...]:
-        """Relations of time, samples and flags of the whole model, of which a group has those that it contains."""
+        """Relations of time, samples and flags of the whole model, which groups may share."""
         return self.compiled.time_events.relations, self.compiled.state_events.samples, self.compiled.state_events.flags
 
     @staticmethod
@@ -155,11 +156,11 @@ class _Statements:
     def steep(self, e: Extract) -> Steep:
         """The steep functions of the whole model that are in the group, by indices in the extract."""
         whole, place = self.compiled.narrow, {n: k for k, n in enumerate(e.nodes)}
-        own = [j for j, n in enumerate(whole.arguments) if n in place]
-        number = {j: k for k, j in enumerate(own)}
+        indices = [j for j, n in enumerate(whole.arguments) if n in place]
+        number = {j: k for k, j in enumerate(indices)}
         return Steep(
-            tuple(place[whole.arguments[j]] for j in own),
-            tuple(whole.kinds[j] for j in own),
+            tuple(place[whole.arguments[j]] for j in indices),
+            tuple(whole.kinds[j] for j in indices),
             tuple((place[w], number[j]) for w, j in whole.middles if j in number),
             tuple((place[n], tuple(number[j] for j in places)) for n, places in whole.functions if n in place),
         )
@@ -170,7 +171,7 @@ class _Statements:
         return found[0], found[1], found[2]
 
     def modes(self, e: Extract) -> Indices:
-        """Indices of its modes in those of the whole model, in the order of `mode_nodes`; shape (nm of it,)."""
+        """Indices of the modes of the group among those of the whole model, in the order of `mode_nodes`."""
         timely, samples, flags = self.timely(e)
         events, places = self.compiled.state_events, self.compiled.mode_places
         first = np.cumsum([0, len(self.compiled.time_events.relations), len(events.samples), len(events.memories)])
@@ -239,9 +240,9 @@ class _Kind:
         solution = Solution(
             structure, definitions, (), (), frozenset(v for v, _ in definitions), (), compiled.solution.formulation
         )
-        narrow = whole.steep(e)
-        middles = tuple((self.node[k], owner) for k, owner in narrow.middles)
-        functions = tuple((self.node[k], places) for k, places in narrow.functions)
+        steep_functions = whole.steep(e)
+        middles = tuple((self.node[k], owner) for k, owner in steep_functions.middles)
+        functions = tuple((self.node[k], places) for k, places in steep_functions.functions)
         shell = CompiledModel(
             compiled.name,
             solution,
@@ -254,15 +255,17 @@ class _Kind:
             None,
             None,
             state_events=self._events(e, whole, node),
-            steep=Steep(tuple(self.node[k] for k in narrow.arguments), narrow.kinds, middles, functions),
+            steep=Steep(
+                tuple(self.node[k] for k in steep_functions.arguments), steep_functions.kinds, middles, functions
+            ),
         )
-        own = with_functions(shell)
-        own.__dict__["nominal_x"] = compiled.nominal_x[list(whole.group.states)]
-        own.__dict__["nominal_z"] = np.zeros(0)
-        return own
+        system = with_functions(shell)
+        system.__dict__["nominal_x"] = compiled.nominal_x[list(whole.group.states)]
+        system.__dict__["nominal_z"] = np.zeros(0)
+        return system
 
     def _time_events(self, e: Extract, whole: _Statements, node: dict[int, int], pool: Pool) -> TimeEvents:
-        """Its relations of time; their instants are those of the whole model, and left out here."""
+        """Relations of time of the group, without instants, because a run takes those of the whole model."""
         relations = tuple(node[whole.compiled.time_events.relations[k]] for k in whole.timely(e)[0])
         unknown = (pool.zero,) * len(relations)
         return TimeEvents(relations, unknown, unknown, {})
@@ -296,25 +299,25 @@ class _Kind:
         )
 
     def subsystem(self, whole: _Statements, e: Extract) -> Subsystem:
-        """One of the equal systems, with its own names and texts."""
+        """One of the equal systems, with its names and texts."""
         like, compiled = self.model, whole.compiled
         events = like.state_events
         clauses = zip(events.clauses, whole.clauses, strict=True)
         own_events = replace(
             events,
-            clauses=tuple(replace(own, text=c.text, component=c.component, where=c.where) for own, c in clauses),
+            clauses=tuple(replace(shared, text=c.text, component=c.component, where=c.where) for shared, c in clauses),
             assignments=tuple(
-                replace(own, text=a.text) for own, a in zip(events.assignments, whole.assignments, strict=True)
+                replace(shared, text=a.text) for shared, a in zip(events.assignments, whole.assignments, strict=True)
             ),
             asserts=tuple(
-                replace(own, message=a.message, component=a.component, where=a.where)
-                for own, a in zip(events.asserts, whole.asserts, strict=True)
+                replace(shared, message=a.message, component=a.component, where=a.where)
+                for shared, a in zip(events.asserts, whole.asserts, strict=True)
             ),
         )
         model = replace(like, state_events=own_events, like=like)
         names = tuple(compiled.states[k] for k in whole.group.states)
         model.__dict__.update(states=names, nominal_x=like.nominal_x, nominal_z=like.nominal_z)
-        model.__dict__["events"] = _OwnTexts(like, compiled, whole.group.relations)
+        model.__dict__["events"] = _TextsOfSystem(like, compiled, whole.group.relations)
         by_kind: dict[str, list[float]] = {"par": [], "input": [], "const": []}
         for k in self.holes:
             by_kind[e.holes[k][0]].append(e.holes[k][1])
@@ -328,8 +331,8 @@ class _Kind:
         )
 
 
-class _OwnTexts(EventFunctions):
-    """The functions shared by equal systems, with the texts of one."""
+class _TextsOfSystem(EventFunctions):
+    """The functions that equal systems share, with the texts of one system."""
 
     def __init__(self, like: CompiledModel, whole: CompiledModel, relations: Sequence[int]) -> None:
         super().__init__(like)
@@ -349,5 +352,5 @@ class _OwnTexts(EventFunctions):
 
     @cached_property
     def places(self) -> tuple[tuple[Span | None, str], ...]:
-        """Place and component of the first statement that holds each relation."""
+        """Place in the source and component of the first statement that contains each relation."""
         return tuple(self._whole.events.places[k] for k in self._relations)

@@ -1,8 +1,8 @@
 """Variants of a compiled model with other start values, or with some inputs as functions of time.
 
-Of other start values only the start problem is built again. An input over time is data, not part of the model: over
-each stretch of a run it is a polynomial whose coefficients are modes, like those of delayed signals. Other data are
-other coefficients, and nothing is compiled again.
+For other start values only the start problem is built again. An input over time is data, not part of the model: over
+each stretch of a run it is a polynomial whose coefficients are modes, like those of delayed signals. Other data change
+the coefficients only, so that nothing is compiled again.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _CACHE: WeakKeyDictionary[CompiledModel, OrderedDict[_Values, CompiledModel]] = 
 
 
 def with_starts(compiled: CompiledModel, given: Mapping[str, object]) -> CompiledModel:
-    """The model with these start values (by path, SI or text with unit), as if they were declared with `fixed`.
+    """The model with these start values (by path, in SI or as text with unit), as if they were declared `fixed`.
 
     They replace declared starts of the same variable under any of its names; all other declared starts remain, and must
     be consistent with them.
 
-    Raises UsageError: AC046 for a path that is no variable of the model, or that depends on parameters alone; AC023 for
-    a value that is no number.
+    Raises UsageError: AC046 for a path that is not a variable of the model, or that depends on parameters alone; AC023
+    for a value that is not a number.
     """
     if not given:
         return compiled
@@ -60,7 +60,7 @@ def with_starts(compiled: CompiledModel, given: Mapping[str, object]) -> Compile
 
 
 def discrete_starts(compiled: CompiledModel, given: Mapping[str, object]) -> dict[str, float]:
-    """The start values among these that a discrete variable is given, by name of its scalars."""
+    """Those of the start values that belong to discrete variables, by scalar name."""
     flat = compiled.flat
     values = {flat.scalar_name(scalar): (flat.declaration(scalar), v) for scalar, v in _values(compiled, given).items()}
     return {name: v for name, (declared, v) in values.items() if declared.discrete}
@@ -94,7 +94,7 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
             if number != number or abs(number) == float("inf"):
                 raise UsageError("AC046", f"start of {path} = {number} is not finite")
             if declared.boolean and number not in (0.0, 1.0):
-                raise UsageError("AC046", f"{path} is true or false, its start {number:g} is neither", help="0 or 1")
+                raise UsageError("AC046", f"{path} is boolean, its start {number:g} is not", help="give 0 or 1")
             if declared.integer and number != round(number):
                 raise UsageError("AC046", f"{path} is an integer, its start {number:g} is not")
             if scalar in start_values and start_values[scalar] != number:
@@ -108,7 +108,7 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
 
 
 def _variable(reduced: ReducedSystem, scalar: int) -> int | None:
-    """The reduced variable that a scalar equals up to its sign; None for an expression of several variables."""
+    """The reduced variable that a scalar equals up to its sign; None if it is another expression."""
     nodes = reduced.pool.nodes
     op, *rest = nodes[reduced.image[scalar]]
     if op == "neg":
@@ -118,11 +118,11 @@ def _variable(reduced: ReducedSystem, scalar: int) -> int | None:
 
 def _unknown(compiled: CompiledModel, path: str, variables: Mapping[str, object]) -> UsageError:
     parameters = {*compiled.parameters, *(p.path for p in compiled.flat.parameters)}
-    close = nearest(path, [*compiled.states, *variables])
+    suggestions = nearest(path, [*compiled.states, *variables])
     return UsageError(
         "AC046",
         f"{path} is a parameter, not a start value" if path in parameters else f"there is no variable '{path}'",
-        evidence=[f"did you mean {', '.join(close)}?"] if close and path not in parameters else [],
+        evidence=[f"did you mean {', '.join(suggestions)}?"] if suggestions and path not in parameters else [],
         help=f"parameters={{'{path}': ...}}, or --set {path}=..." if path in parameters else None,
     )
 

@@ -1,4 +1,4 @@
-"""Variant of a compiled model with located kinks, at which a rate that was constant for long may change."""
+"""Variant of a compiled model that locates kinks, where a rate that has long been constant may change."""
 
 from __future__ import annotations
 
@@ -19,62 +19,62 @@ from acausal.lower.subsystems.split import subsystems
 _Made = tuple[CompiledModel | None, str]
 _CACHE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[int, ...], bool], _Made]] = WeakKeyDictionary()
 UNWATCHED_STEPS = 5000
-"""No step is longer than one over this of a run in which some kinks are not located."""
+"""No step is longer than the duration of the run divided by this if some kinks are not located."""
 _KINKS = frozenset(("min", "max", "fabs", "noevent"))
 _BURSTS = frozenset(("exp", "pow"))
-WAKING = _KINKS | _BURSTS | {"table"}
-"""Operations (`CompiledModel.operations`) without which a model has no kinks to locate."""
-_NAMED = 3
+LOCATABLE = _KINKS | _BURSTS | {"table"}
+"""Operations (`CompiledModel.operations`) that have kinks; a model without any of them has no kinks to locate."""
+_MOST_NAMED = 3
 _WIDTH = 60
 
 
-_BOUNDED = (
+_STEP_BOUND = (
     f"no step is longer than 1/{UNWATCHED_STEPS} of the run instead, "
-    "and what moves, or is steep, for less time may be missed"
+    "and a motion or a burst that is shorter may be missed"
 )
 UNWATCHED = (
-    "AC414: kinks of this run (of minimum, maximum, abs, no_event) are not located as events, as one of them is passed "
-    f"without end: {_BOUNDED}"
+    "AC414: kinks of this run (of minimum, maximum, abs, no_event) are not located, because one of them is crossed "
+    f"again and again: {_STEP_BOUND}"
 )
 """Note to a run in which no kinks are located."""
 
 
 def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = False) -> tuple[CompiledModel, str, str]:
-    """The model with located kinks, for a solver with step-size control; the model itself where there are none.
+    """The model with located kinks, for a solver with step-size control; the model itself if it has none.
 
-    Also returns two notes, "" where there is nothing to say: on kinks too many to locate, whose steps are bounded
-    instead, and on points of tables that are not stops.
+    Also returns two notes, "" if there is nothing to note: on kinks that are too many to locate, so that the steps are
+    bounded instead, and on points of tables that are not stops.
 
-    `relative`: tolerance of the run, which decides which points of its tables are kinks.
-    `branches`: expresses kinks by modes, so that each side can be differentiated.
+    `relative` is the tolerance of the run, which decides which points of its tables are kinks. `branches` expresses
+    kinks by modes, so that each side can be differentiated.
 
     Cached by model and located table points. Bursts are not located: the solution is searched for them afterwards
     (`acausal.simulate.driver.missed_events`).
     """
     variants = _CACHE.setdefault(compiled, {})
-    numbers, passed = tuple[int, ...](), 0
+    numbers, unlocated_ends = tuple[int, ...](), 0
     has_tables = "table" in compiled.operations
     if has_tables or ((), branches) not in variants:  # without tables the result does not depend on the tolerance
         solution = compiled.solution
         pool = solution.structure.reduced.pool
         roots = [*(n for v, n in solution.definitions if v in solution.needed), *solution.residuals]
         if has_tables:
-            numbers, passed = stretch_numbers(pool, roots, dict(solution.definitions), relative)
+            numbers, unlocated_ends = stretch_numbers(pool, roots, dict(solution.definitions), relative)
         if (numbers, branches) not in variants:
             variants[numbers, branches] = _watched(compiled, roots, numbers, branches)
     model, note = variants[numbers, branches]
-    return model or compiled, note, _tables_left(passed) if passed else ""
+    return model or compiled, note, _tables_left(unlocated_ends) if unlocated_ends else ""
 
 
 def _tables_left(count: int) -> str:
     return (
-        f"no step ends at {count} points of tables of a variable, as there are very many that are about as far apart "
-        "and bend about as much: a step may pass several at once; max_step bounds it"
+        f"no step ends at {count} points of tables of a variable, because very many have about the same distance and "
+        "the same change of slope: a step may pass several at once; max_step bounds it"
     )
 
 
 def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], branches: bool) -> _Made:
-    """Locate as many kinks as allowed in each system that the model is split into, or else in the whole model."""
+    """Locate as many kinks as allowed: per system if the model is split into systems, else in the whole model."""
     partition = cache(lambda: system_of(compiled))  # lazy, because most models have no kinks to locate
     model, found = _lowered(compiled, roots, numbers, branches, lambda node: partition()(node))
     if len(found.watched) > MOST and model is not None and not subsystems(model):
@@ -94,8 +94,8 @@ def _lowered(
     pool = reduced.pool
     found = LocatedKinks()
     if any(pool.nodes[n][0] in _KINKS | _BURSTS for n in pool.reachable(roots)):
-        split = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
-        located = *compiled.state_events.relations, *compiled.time_events.relations, *split
+        split_relations = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
+        located = *compiled.state_events.relations, *compiled.time_events.relations, *split_relations
         found = located_kinks(solution, located, discrete_variables(reduced), system)
     if not found.watched and not found.bursts and not numbers:
         return None, found
@@ -115,12 +115,12 @@ def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
         ]
         return " against ".join(reduced.text(n, _WIDTH) for n in inside)
 
-    left = found.left
-    texts = "; ".join(text_of(n) for n in left[:_NAMED])
-    more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
-    total = len(left) + len(found.watched)
+    unlocated = found.unlocated
+    texts = "; ".join(text_of(n) for n in unlocated[:_MOST_NAMED])
+    more = f"; and {len(unlocated) - _MOST_NAMED} more" if len(unlocated) > _MOST_NAMED else ""
+    total = len(unlocated) + len(found.watched)
     return (
-        f"AC414: {len(left)} of {total} kinks (of minimum, maximum, abs, no_event) are too many to be located "
-        f"({texts}{more}): {_BOUNDED}; write those that matter as a relation without no_event, or "
-        "give a max_step shorter than the time for which they let something move"
+        f"AC414: {len(unlocated)} of {total} kinks (of minimum, maximum, abs, no_event) are too many to be located "
+        f"({texts}{more}): {_STEP_BOUND}; write those that matter as a relation without no_event, or "
+        "give a max_step shorter than the motion that they cause"
     )

@@ -17,7 +17,7 @@ from acausal.errors import IntegrationError, RunError
 from acausal.flatten.parameters import doubtful_values
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.subsystems.split import Subsystem, subsystems
-from acausal.lower.variants.watched import UNWATCHED, UNWATCHED_STEPS, WAKING, with_watched
+from acausal.lower.variants.watched import LOCATABLE, UNWATCHED, UNWATCHED_STEPS, with_watched
 from acausal.numeric.samples import STABILISATION_RATE
 from acausal.result.result import Result
 from acausal.simulate.clock import seconds
@@ -161,7 +161,7 @@ class Run:
         notes: tuple[str, ...] = ()
         if not self.solver.fixed_step and opts.step is None:  # no fixed step misses what becomes active
             bounded, tables, operations = "" if self.watches else UNWATCHED, "", self.compiled.operations
-            if self.watches and operations & WAKING:
+            if self.watches and operations & LOCATABLE:
                 self.compiled, bounded, tables = with_watched(self.compiled, opts.tolerance, branches=self.traced)
             is_blind = "call" in operations and opts.max_step is None and not bounded
             unseen = note_on_externals(self.compiled) if is_blind else ""

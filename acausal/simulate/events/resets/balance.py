@@ -111,7 +111,7 @@ class _Balance:
         values = builder.column(pool.vars(unknowns))
         open_ = Symbols.builder(s, compiled)
         open_.define([], compiled.rewritten)
-        open_.know(unknowns, y)
+        open_.assign(unknowns, y)
         residuals = open_.column(open_.replaced(structure.residuals[e] for e in self.rows))
         rates = open_.column(structure.rates(compiled.state_variables))
         self.values = ca.Function("values", s.inputs, [ca.densify(values)])
