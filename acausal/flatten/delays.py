@@ -10,7 +10,7 @@ from acausal.flatten.pool import Pool
 from acausal.language.expressions.delay import Delayed
 from acausal.language.statement import Origin
 
-_Holder = tuple[tuple[int, ...], Origin | None, str]
+_Statement = tuple[tuple[int, ...], Origin | None, str]
 
 
 def delays(
@@ -22,15 +22,17 @@ def delays(
 ) -> tuple[FlatDelay, ...]:
     """Every delay of the pool with the first statement that contains it.
 
-    Raises DeclarationError: AC182 when a delay is negative, or longer than its maximum; AC183 when it varies and has no
+    Raises DeclarationError: AC182 if a delay is negative, or longer than its maximum; AC183 if it varies and has no
     maximum.
     """
-    holders: list[_Holder] = [((e.left, e.right), e.origin, e.component) for e in equations]
-    holders += [((*w.conditions, *w.earlier, *(n for _, n in w.actions)), w.origin, w.component) for w in whens]
-    holders += [((a.node,), a.origin, a.component) for a in assignments]
-    holders += [((a.condition,), a.origin, a.component) for a in asserts]
+    statements_with_nodes: list[_Statement] = [((e.left, e.right), e.origin, e.component) for e in equations]
+    statements_with_nodes += [
+        ((*w.conditions, *w.earlier, *(n for _, n in w.actions)), w.origin, w.component) for w in whens
+    ]
+    statements_with_nodes += [((a.node,), a.origin, a.component) for a in assignments]
+    statements_with_nodes += [((a.condition,), a.origin, a.component) for a in asserts]
     flat_delays: list[FlatDelay] = []
-    places = _places(pool, holders)
+    places = _places(pool, statements_with_nodes)
     for k, (source, time, most, label) in enumerate(pool.delays):
         origin, component = places.get(k, (None, ""))
         delay = FlatDelay(source, time, most, label, origin, component)
@@ -39,7 +41,7 @@ def delays(
     return tuple(flat_delays)
 
 
-def _places(pool: Pool, holders: Sequence[_Holder]) -> dict[int, tuple[Origin | None, str]]:
+def _places(pool: Pool, statements_with_nodes: Sequence[_Statement]) -> dict[int, tuple[Origin | None, str]]:
     """Place and component of each delay; a nested delay has those of the outer one."""
     places: dict[int, tuple[Origin | None, str]] = {}
 
@@ -49,7 +51,7 @@ def _places(pool: Pool, holders: Sequence[_Holder]) -> dict[int, tuple[Origin | 
             if isinstance(op, Delayed):
                 yield op.number
 
-    for roots, origin, component in holders:
+    for roots, origin, component in statements_with_nodes:
         todo = [k for k in inside(roots) if k not in places]
         while todo:
             k = todo.pop()
@@ -76,7 +78,7 @@ def _check(pool: Pool, delay: FlatDelay) -> None:
                 "AC183",
                 f"{name}: a delay that varies needs a maximum",
                 where=where,
-                cause="how much of the past must be kept follows from it",
+                cause="the maximum decides how much of the past must be stored",
                 help="give the longest delay as third argument: delay(x, T, T_max)",
             )
         return
@@ -86,14 +88,14 @@ def _check(pool: Pool, delay: FlatDelay) -> None:
             "AC182",
             f"{name}: the delay is {t:g} s",
             where=where,
-            cause="a signal cannot be read before it is there",
+            cause="the future of a signal is unknown",
             help='give a delay of at least zero: parameter(unit="s", min=0.0)',
         )
-    most = pool.parameter_value(delay.most) if delay.most is not None else t
-    if t > most:
+    limit = pool.parameter_value(delay.most) if delay.most is not None else t
+    if t > limit:
         raise DeclarationError(
             "AC182",
-            f"{name}: the delay of {t:g} s is longer than its maximum of {most:g} s",
+            f"{name}: the delay of {t:g} s is longer than its maximum of {limit:g} s",
             where=where,
             help="raise the maximum, the third argument of delay",
         )

@@ -17,7 +17,7 @@ from acausal.language.expressions.expression import Equation, assigned
 from acausal.language.statement import Origin
 
 Place = tuple[Instance, str, Declaration, int]
-"""Where a discrete scalar is declared: component, name, declaration and entry."""
+"""Declaration of a discrete scalar: component, name, declaration and index of the entry."""
 
 
 def assignments(pool: Pool, instance: Instance, items: Sequence[Statement], resolve: Resolve) -> list[FlatAssignment]:
@@ -130,6 +130,6 @@ def _twice(place: Place, ends: Sequence[tuple[Origin | None, str]]) -> Declarati
         f"{instance.prefix}{name}{suffix(declaration.shape, k)} is determined twice at events",
         where=tuple(origin.span() for origin, _ in ends if origin is not None),
         evidence=[text for _, text in ends],
-        cause="a discrete variable has one equation, or is reset by `when`s, not both",
+        cause="a discrete variable either has one equation or is reset by `when`s, not both",
         help="join them to one: where(condition, value, where(other, value, pre(variable)))",
     )

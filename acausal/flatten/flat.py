@@ -34,9 +34,9 @@ class FlatVariable(NamedTuple):
 
 
 class FlatParameter(NamedTuple):
-    """A declared parameter: one node per entry, a ("par", k) where it is free, an expression where it is bound.
+    """A declared parameter: one node per entry, a ("par", k) if it is free, an expression if it is bound.
 
-    A parameter bound to nothing but another one has the other's nodes and is not free.
+    A parameter that is bound to just another parameter has the nodes of that one and is not free.
     """
 
     path: str
@@ -60,7 +60,7 @@ class FlatEquation(NamedTuple):
 
 
 class FlatComponent(NamedTuple):
-    """A component of the instance tree: its class, and the place of its construction."""
+    """A component of the instance tree: its class, and the place in the source where it is constructed."""
 
     cls: type[Component]
     origin: Origin
@@ -72,7 +72,7 @@ class FlatComponent(NamedTuple):
 
 
 class FlatLoop(NamedTuple):
-    """A closed loop of frames: the two frames between which it was cut, and the components around it."""
+    """A closed loop of frames: the two frames between which it was cut, and the components along the loop."""
 
     ends: tuple[str, str]
     origin: Origin
@@ -80,10 +80,10 @@ class FlatLoop(NamedTuple):
 
 
 class FlatWhen(NamedTuple):
-    """Actions `(scalar, node of its new value)`, taken when any of the nodes `conditions` becomes true.
+    """One branch of a `when`: its actions (scalar, node of its new value) and conditions.
 
-    Not taken if one of `earlier`, the conditions of the branches before it, becomes true at the same instant. If
-    `terminate` is a message, the run ends there.
+    The actions are taken when one of the nodes `conditions` becomes true, unless one of `earlier`, the conditions of
+    the branches before it, becomes true at the same instant. If `terminate` is a message, the run ends there.
     """
 
     conditions: tuple[int, ...]
@@ -118,7 +118,10 @@ class FlatAssert(NamedTuple):
 
 
 class FlatDelay(NamedTuple):
-    """The value of node `source` a time `time` ago; `most` bounds a varying delay. Its index is its number."""
+    """The value of node `source` at the current time minus `time`; `most` bounds a varying delay.
+
+    Its index in `FlatSystem.delays` is the number in `Delayed` nodes.
+    """
 
     source: int
     time: int
@@ -146,7 +149,7 @@ class FlatSystem:
     name
         Class name of the model.
     pool
-        The scalar expressions; variables 0 ... n-1 come first, derivatives behind them.
+        The scalar expressions; variables 0 ... n-1 come first, derivatives after them.
     variables, parameters
         In the order of declaration, depth first.
     equations, initial_equations
@@ -154,26 +157,26 @@ class FlatSystem:
     whens
         `when` clauses, one for each branch.
     assignments
-        Discrete equations, at most one per scalar. The scalar keeps its equation der(d) == 0 among `equations`.
+        Discrete equations, at most one per scalar. The scalar also has the equation der(d) == 0 among `equations`.
     asserts, demands
         Conditions that must hold throughout a run, and conditions of the parameters alone.
     inputs
-        Scalar variables of the model's own unconnected inputs.
+        Scalar variables of the unconnected inputs of the model itself.
     parameter_values
         Value of each free parameter scalar.
     starts
-        Declared start of a scalar variable.
+        Declared starts by scalar variable.
     components
         Every component by its path; the model itself has the path "".
     loops
         Closed loops of frames that were cut.
     notes
-        Facts the user should see, for example connections cut in closed loops.
+        Facts that the user should see, for example connections cut in closed loops.
     frozen
         Names of parameter scalars that were replaced by constants (`acausal.reduce.freeze`).
     nominals
-        Magnitude of each scalar before that: frozen zeros turn variables into aliases, which must not change
-        tolerances.
+        Magnitude of each scalar before parameters were frozen, empty if none were: frozen zeros turn variables into
+        aliases, which must not change tolerances.
     delays
         Delayed signals.
     undelayed
@@ -232,9 +235,9 @@ class FlatSystem:
         return variable.path + suffix(variable.declaration.shape, scalar - variable.first)
 
     def text(self, equation: FlatEquation | FlatAssignment) -> str:
-        """The equation as the modeller wrote it, with the names of the component it belongs to.
+        """The equation as the modeller wrote it, with the names of the component to which it belongs.
 
-        Equal components share one language equation, which names the first of them.
+        Equal components share one language equation, which contains the names of the first of them.
         """
         source = equation.source
         if isinstance(source, str):
@@ -290,7 +293,7 @@ class FlatSystem:
 
 
 def _written_for(equation: Equation) -> Component | None:
-    """The component such that an equation contains only its symbols and those of its connectors; else None."""
+    """The component whose symbols, or those of its connectors, an equation contains exclusively; None if none."""
     component: Component | None = None
     for symbol in symbols_in(equation.left, equation.right):
         owner: Component = symbol.owner
@@ -309,17 +312,17 @@ def suffixes(shape: tuple[int, ...]) -> list[str]:
     return ["[" + ",".join(map(str, index)) + "]" for index in product(*(range(n) for n in shape))]
 
 
-def suffix(shape: tuple[int, ...], place: int) -> str:
-    """`suffixes(shape)[place]`, without building the list."""
+def suffix(shape: tuple[int, ...], entry: int) -> str:
+    """`suffixes(shape)[entry]`, without building the list."""
     index = []
     for n in reversed(shape):
-        place, k = divmod(place, n)
+        entry, k = divmod(entry, n)
         index.append(str(k))
     return "[" + ",".join(reversed(index)) + "]" if shape else ""
 
 
 def span_of(equation: FlatEquation | FlatAssignment) -> tuple[Span, ...]:
-    """Place of an equation in the source, as a tuple for `AcausalError.where`."""
+    """Place of an equation in the source, as a tuple for `AcausalError.where`; empty if it is unknown."""
     return () if equation.origin is None else (equation.origin.span(),)
 
 
@@ -360,7 +363,7 @@ def translated(flat: FlatSystem, pool: Pool, image: Mapping[int, int]) -> FlatSy
 
 
 def with_variables(flat: FlatSystem, count: int) -> tuple[FlatSystem, dict[int, int]]:
-    """The flat system with `count` additional scalars, which the caller declares, and the images of its nodes."""
+    """(Flat system with `count` additional scalars, which the caller declares; map from old nodes to new ones)."""
     old, pool, n = flat.pool, Pool(), flat.n_scalars
 
     def number(variable: int) -> int:

@@ -87,12 +87,12 @@ def flatten(
     parameters
         Values by path, in SI; they replace values and bindings of the model.
     choices
-        Structure of each component that can have several, by path; by default it has all contacts ever possible.
+        Structure of each component that can have several, by path; by default it has all contacts that can ever occur.
 
     Raises
     ------
     DeclarationError, UnitError, UsageError, StructureError
-        With the path of the offending component and its place in the source; AC028 for a `model` that is no component.
+        With the path of the faulty component and its place in the source; AC028 if `model` is not a component.
     """
     overrides, (found, added) = dict(parameters or {}), placed(model, choices)
     check_overrides(overrides, found)
@@ -150,7 +150,7 @@ def flatten(
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated([i.component for i in found])
-    if choices or not overrides:  # one structure of many does not know what another hears
+    if choices or not overrides:  # with choices, a parameter may matter in another structure of the model
         return flat
     return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
 
@@ -219,7 +219,7 @@ class _LeafStatements:
         if type(leaf.component) in self._with_connections:
             return None
         early_key = self._keys.get(leaf.number)
-        # The roles of frames are part of the key, and were unknown when it was first computed.
+        # The roles of frames are part of the key, and were not yet known when it was first computed.
         return (
             early_key
             if early_key and not any("_roles" in p.component.__dict__ for p in leaf.parts)
@@ -240,7 +240,7 @@ class _Builder:
 
     @property
     def clauses(self) -> tuple[list[FlatWhen], list[FlatAssignment], list[FlatAssert]]:
-        """What equations leave out, as far as it is collected."""
+        """The statements besides equations that have been collected so far."""
         return self.whens, self.assignments, self.asserts
 
     def resolve(self, symbol: Symbol) -> Scalars:
@@ -254,7 +254,7 @@ class _Builder:
         return self.pool.vars(range(first, first + prod(symbol.shape)))
 
     def all(self, instance: Instance, items: Sequence[Statement]) -> list[FlatEquation]:
-        """Equations of a component without a template; collects its clauses, discrete equations and assertions."""
+        """Equations of a component without a template; also collects its clauses, discrete equations and assertions."""
         self.whens += self.when(instance, items)
         self.assignments += assignments(self.pool, instance, items, self.resolve)
         self.asserts += asserts(self.pool, instance, items, self.resolve)
@@ -287,7 +287,10 @@ class _Builder:
         return clauses
 
     def action(self, reset: Reset, done: dict[int, Scalars]) -> list[tuple[int, int]]:
-        """(Scalar that a `reset` sets, node of its value) of each entry; of an impulse the force, both velocities."""
+        """(Scalar, node of its new value) for each entry of a `reset`.
+
+        For an impulse, the scalar is that of the force, and the node contains the velocity before and after it.
+        """
         values = scalars(self.pool, reset.value, self.resolve, done)
         targets = scalars(self.pool, reset.target, self.resolve, done)
         if reset.by is not None:
@@ -317,7 +320,7 @@ class _Builder:
         return [e for number, items in stated.items() for e in self.all(self.found[number], items)]
 
     def slopes(self) -> None:
-        """Enter the rules for derivatives of overconstrained variables, once per set of connected frames."""
+        """Enter the derivatives of overconstrained variables in the pool, once per set of connected frames."""
         for instance in self.found:
             rates = getattr(type(instance.component), "rates", None)
             if rates is None or not isinstance(instance.component, Connector):
@@ -344,7 +347,7 @@ class _Builder:
         return equations
 
     def inputs(self, signals: Sequence[SignalJoint], joints: Sequence[ElementJoint]) -> list[FlatEquation]:
-        """Equations of bindings and of connected elements of signals; collects discrete ones as assignments."""
+        """Equations of bindings and of connected elements of signals; discrete ones are collected as assignments."""
         driven = {end for j in signals for end in (j.a, j.b) if end[0] != j.by}
         bound = self.bindings(driven, {j.sink for j in joints})
         equations, assigned = element_equations(self.pool, self.found, joints)
@@ -352,9 +355,9 @@ class _Builder:
         return bound + equations
 
     def bindings(self, connected: set[tuple[int, str]], elements: set[Entry]) -> list[FlatEquation]:
-        """Equations from expressions given to variables and inputs in constructors; collects discrete ones.
+        """Equations that bind variables and inputs to the expressions given in constructors; collects discrete ones.
 
-        `connected` are the signals connected by their owners, `elements` the connected entries. A component that
+        `connected` are the signals that their owners connect, `elements` the connected entries. A component that
         connects its own input to something reads it, which does not count as driving it.
         """
         equations: list[FlatEquation] = []
@@ -365,10 +368,12 @@ class _Builder:
                     continue
                 if (instance.number, name) in self.open:
                     continue
-                own = {k for k in range(prod(declaration.shape)) if (instance.number, name, k) in elements}
-                is_driven = (instance.number, name) in connected or bool(own)
+                connected_entries = {
+                    k for k in range(prod(declaration.shape)) if (instance.number, name, k) in elements
+                }
+                is_driven = (instance.number, name) in connected or bool(connected_entries)
                 is_given = name in instance.component.__dict__["_given"]
-                if is_driven and declaration.kind is Kind.INPUT and not is_given and not own:
+                if is_driven and declaration.kind is Kind.INPUT and not is_given and not connected_entries:
                     continue  # the connection replaces a declared default
                 if is_driven and declaration.kind is Kind.INPUT and is_given:
                     raise DeclarationError(
@@ -381,7 +386,7 @@ class _Builder:
                 right = scalars(self.pool, value, self.resolve, {})
                 text = f"{instance.prefix}{name} == {value}"
                 for k, node in enumerate(right):
-                    if k in own:
+                    if k in connected_entries:
                         continue
                     scalar = instance.first[name] + k
                     if declaration.discrete:
@@ -427,13 +432,14 @@ class _Builder:
     def starts(self) -> tuple[dict[int, FlatStart], list[FlatEquation]]:
         """Declared starts by scalar; a fixed one has priority over guesses of connected potentials.
 
-        Where connected potentials are fixed twice, the second is an initial equation: it must agree with the first.
+        If connected potentials are fixed twice, the second start becomes an initial equation and must agree with the
+        first.
         """
         starts: dict[int, FlatStart] = {}
         surplus: list[FlatEquation] = []
         for instance in self.found:
             for name, given in instance.component.__dict__["_values"].items():
-                # the default of an open input of the model is its value when no data are given
+                # The default of an open input of the model is its value unless data are given.
                 is_default = (instance.number, name) in self.open and isinstance(given, Expr) and given.op == "const"
                 value = Guess(given) if is_default else given
                 if not isinstance(value, Fixed | Guess):

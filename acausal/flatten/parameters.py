@@ -21,7 +21,7 @@ from acausal.language.statement import Origin
 from acausal.units import convert
 
 _TINY = 1e-50
-"""A positive `min` up to this means that the value must be positive, as with `Modelica.Constants.small`."""
+"""A positive `min` up to this value means that the parameter must be positive, as with `Modelica.Constants.small`."""
 
 
 class ParameterTable:
@@ -60,7 +60,7 @@ class ParameterTable:
         ]
 
     def nodes(self, instance: Instance, name: str) -> Scalars:
-        """Nodes of one parameter's entries."""
+        """Nodes of the entries of one parameter."""
         key = (instance.number, name)
         found = self._nodes.get(key)
         if found is None:
@@ -74,7 +74,7 @@ class ParameterTable:
             return self._free(
                 path, declaration, entries(path, declaration.shape, self.overrides[path], declaration.unit)
             )
-        single: dict[int, float] = (
+        entry_overrides: dict[int, float] = (
             {}
             if not self.overrides
             else {
@@ -88,11 +88,11 @@ class ParameterTable:
             raise _missing([(instance, name, declaration)])
         if value.op == "const":
             numbers: list[float] = list(value.payload) if isinstance(value.payload, tuple) else [value.payload]
-            for k, number in single.items():
+            for k, number in entry_overrides.items():
                 numbers[k] = number
             return self._free(path, declaration, numbers, instance)
-        if single:
-            names = ", ".join(path + suffix(declaration.shape, k) for k in single)
+        if entry_overrides:
+            names = ", ".join(path + suffix(declaration.shape, k) for k in entry_overrides)
             raise UsageError(
                 "AC022",
                 f"{names} cannot be set alone: {path} is bound as a whole, to `{value}`",
@@ -106,10 +106,12 @@ class ParameterTable:
         self._resolving[path] = (value, instance.origin_of_value(name))
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
         del self._resolving[path]
-        known = [self.pool.value(node) for node in result]
-        constants = [v for v in known if v is not None]
+        constants_or_none = [self.pool.value(node) for node in result]
+        constants = [v for v in constants_or_none if v is not None]
         # An expression of constants, such as 2 * sqrt(2), is a number: the parameter stays free.
-        return self._free(path, declaration, constants, instance) if len(constants) == len(known) else result
+        return (
+            self._free(path, declaration, constants, instance) if len(constants) == len(constants_or_none) else result
+        )
 
     def _cyclic_binding(self, path: str) -> DeclarationError:
         names = list(self._resolving)
@@ -247,19 +249,19 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
     """Refuse values for names that are no parameters (AC020), with the nearest names."""
     if not overrides:
         return
-    known = {
+    kinds = {
         instance.prefix + name: d.kind
         for instance in all_instances
         for name, d in instance.component._declarations.items()
     }
-    parameters = [n for n, kind in known.items() if kind is Kind.PARAMETER]
+    parameters = [n for n, kind in kinds.items() if kind is Kind.PARAMETER]
     for path in overrides:
-        if known.get(path) is Kind.PARAMETER or _is_entry(path, all_instances):
+        if kinds.get(path) is Kind.PARAMETER or _is_entry(path, all_instances):
             continue
-        if path in known:
-            kind = known[path]
+        if path in kinds:
+            kind = kinds[path]
             help_ = (
-                "a structural value decides the equations: give it where the component is made"
+                "a structural value decides which equations there are: give it where the component is made"
                 if kind is Kind.STRUCTURAL
                 else "only parameters can be set; start values are given in the model"
             )
@@ -273,7 +275,7 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
 
 
 def _is_entry(path: str, all_instances: Sequence[Instance]) -> bool:
-    """Whether a path names an entry of a parameter that is a vector or a matrix: `d[1]`."""
+    """Whether a path names an entry of a parameter that is a vector or a matrix, such as `d[1]`."""
     base, bracket, _ = path.rpartition("[")
     owner, _, name = base.rpartition(".")
     return bool(bracket) and any(
@@ -306,14 +308,14 @@ def refuse_time(user: str, value: Expr, origin_of_value: Origin | Declared) -> N
             "AC135",
             f"{user} is bound to `{value}`, which varies in time",
             where=(origin_of_value.span(),),
-            help="bind parameters and starts to numbers and parameters; a signal_input takes what varies",
+            help="bind parameters and starts to numbers and parameters; give a varying value to a signal_input",
         )
 
 
 def entries(path: str, shape: Shape, value: object, unit: str) -> tuple[float, ...]:
-    """Values of a variable's entries, row-major, from numbers in `unit` or texts with a unit: 2.5, "25 mm".
+    """Values of the entries of a variable, row-major, from numbers in `unit` or texts with a unit: 2.5, "25 mm".
 
-    One number fills a vector or a matrix. Rows of numbers have the shape of the matrix; one list has its rows in turn.
+    One number fills a vector or a matrix. A matrix is given as rows, or as one list in row-major order.
 
     Raises UsageError: AC023 for anything else.
     Raises UnitError: AC150 to AC152 for the unit of a text.
@@ -352,7 +354,7 @@ def _numbers(path: str, value: Any, unit: str) -> tuple[float, ...]:
 
 
 def _rows(value: Any) -> list[int]:
-    """Lengths of the rows of nested lists or an array; none for numbers and a single list of them."""
+    """Lengths of the rows of nested lists or an array; empty for a number or a list of numbers."""
     value = value.tolist() if hasattr(value, "tolist") else value
     if not isinstance(value, list | tuple):
         return []
@@ -375,7 +377,7 @@ def foreign(symbol: Symbol) -> DeclarationError:
 
 
 def check_bound(instance: Instance, name: str, value: Expr) -> None:
-    """Raise UnitError AC155 when the dimensions of `value` and of the field are known and differ."""
+    """Raise UnitError AC155 if the dimensions of `value` and of the field are known and differ."""
     if value.op == "const":
         return
     field: Symbol = getattr(instance.component, name)
@@ -385,15 +387,15 @@ def check_bound(instance: Instance, name: str, value: Expr) -> None:
 
 
 def unheard_parameters(flat: FlatSystem, names: Iterable[str]) -> tuple[str, ...]:
-    """Notes on those of the free parameters `names`, or entries of them, that no equation, start or event depends on.
+    """Notes on those of the parameters `names`, or entries of them, on which no equation, start or event depends.
 
-    A value given to them changes nothing. The strength of a gravity whose vector has a value of its own, the time
-    constant of a part of a controller that is left out: no error, as studies set one parameter of many variants, but
-    runs that are equal would pass for a result.
+    A value given to them changes nothing. Examples are the strength of gravity if its vector has an explicit value, and
+    the time constant of a part of a controller that is left out. This is no error, because studies set one parameter
+    for many variants, but without a note equal runs could pass for a result.
     """
-    asked = {part for name in names for part in (name, name.rpartition("[")[0])}
+    requested = {part for name in names for part in (name, name.rpartition("[")[0])}
     return tuple(
-        f"{p.path} is set, and nothing in the model depends on it"
+        f"{p.path} is set, but nothing in the model depends on it"
         for p in flat.parameters
-        if p.path in asked and p.free and flat.heard.isdisjoint(p.nodes)
+        if p.path in requested and p.free and flat.heard.isdisjoint(p.nodes)
     )

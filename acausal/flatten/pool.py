@@ -56,13 +56,11 @@ RELATIONS = frozenset(("lt", "le", "gt", "ge"))
 _VARYING = frozenset(("var", "time", "sample", "pre", "initial", "infinitesimal", "terminal"))
 IMPULSE = "impulse"
 """Operation of (velocity, its value after an impact): the value that a `when` assigns to the impulsive force."""
-_UNEVALUATED = frozenset(
-    ("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE)
-)  # evaluated by the run only
+_UNEVALUATED = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE))  # known only in a run
 _SUMS = frozenset(("add", "sub", "neg", "mul"))  # a product with a constant is a term with a factor
-_MOST_CACHED = 32  # largest number of variables of a node that are cached
-_SMALL = 50  # largest expression traversed without a set of visited nodes
-_MANY = 16  # roots are many if there is more than one in this number of nodes
+_MOST_CACHED = 32  # the variables of a node are cached if there are no more than this
+_MOST_WITHOUT_SET = 50  # number of nodes visited before a traversal marks visited nodes
+_DENSE = 16  # roots are many if there is more than one per this number of nodes
 
 
 class Pool:
@@ -81,7 +79,7 @@ class Pool:
         self.slope: dict[int, int] = {}
         self.delays: list[tuple[int, int, int | None, str]] = []  # (signal, delay, its maximum, text)
         self.undelayed: list[tuple[int, str]] = []  # (delay, text) of delays that are zero
-        self.parameter_values: list[float] | None = None  # None before they are known
+        self.parameter_values: list[float] | None = None  # None until they are known
         self._slopes: dict[int, int] = {}
         self._variables: dict[int, tuple[int, ...]] = {}
         self.zero = self.const(0.0)
@@ -92,9 +90,9 @@ class Pool:
         return {**self.__dict__, "_variables": {}, "_number": {node: k for k, node in enumerate(self.nodes)}}
 
     def retire(self) -> None:
-        """Drop the lookup table of nodes, which the next new node rebuilds.
+        """Drop the lookup table of nodes; the next new node rebuilds it.
 
-        For a pool that is only read from now on; the table is a fifth of the memory of a large model.
+        For a pool that is only read from then on; the table takes a fifth of the memory of a large model.
         """
         self._number = _Retired(self)
         self._variables = {}
@@ -131,11 +129,11 @@ class Pool:
 
     def derivative(self, variable: int) -> int:
         """The variable that is the time derivative of `variable`."""
-        found = self.derivative_of.get(variable)
-        if found is None:
-            found = self.derivative_of[variable] = self.new_variables(1)
-            self.integral_of[found] = variable
-        return found
+        new = self.derivative_of.get(variable)
+        if new is None:
+            new = self.derivative_of[variable] = self.new_variables(1)
+            self.integral_of[new] = variable
+        return new
 
     def value(self, number: int) -> float | None:
         """The value of a constant node, else None."""
@@ -152,27 +150,27 @@ class Pool:
 
     def parameter_value(self, root: int, given: Sequence[float] | None = None) -> float:
         """Value of a node for parameters `given`, shape (np,), or those of the model; nan if it is not constant."""
-        known: dict[int, float] = {}
+        value_of: dict[int, float] = {}
         values = (self.parameter_values or []) if given is None else given
         for number in self.reachable([root]):
             op, *args = self.nodes[number]
             if op == "const":
-                known[number] = args[0]
+                value_of[number] = args[0]
             elif op == "par":
-                known[number] = values[args[0]] if args[0] < len(values) else math.nan
-            elif op in _VALUES and not any(math.isnan(known[a]) for a in args):
+                value_of[number] = values[args[0]] if args[0] < len(values) else math.nan
+            elif op in _VALUES and not any(math.isnan(value_of[a]) for a in args):
                 try:
-                    known[number] = _VALUES[op](*[known[a] for a in args])
+                    value_of[number] = _VALUES[op](*[value_of[a] for a in args])
                 except (ValueError, OverflowError, ZeroDivisionError):
-                    known[number] = math.nan
+                    value_of[number] = math.nan
             else:
-                known[number] = math.nan
-        return known[root]
+                value_of[number] = math.nan
+        return value_of[root]
 
     def is_constant(self, root: int) -> bool:
         """True for an expression of parameters alone, whose value is known before the run."""
         nodes, stack, seen = self.nodes, [root], {root}
-        while stack:  # ends at the first variable, nearly always immediately
+        while stack:  # usually ends immediately, at the first variable
             op, *operands = nodes[stack.pop()]
             if op in _VARYING:
                 return False
@@ -197,7 +195,7 @@ class Pool:
             try:
                 return self.const((_UNARY if len(args) == 1 else _BINARY)[op](*values))
             except (ValueError, OverflowError, ZeroDivisionError):
-                pass  # kept for the run, whose error names the equation
+                pass  # left to the run, whose error names the equation
         if op == "pow" and values[1] is not None and values[1] in (0.0, 1.0):
             return self.one if values[1] == 0.0 else args[0]
         return self.intern((op, *args))
@@ -288,17 +286,18 @@ class Pool:
         return total
 
     def collected(self, root: int) -> int:
-        """A sum with equal terms combined: (a - b) - a is -b; `root` itself when no term occurs twice."""
+        """A sum with equal terms combined: (a - b) - a is -b; `root` itself if no term occurs twice."""
         nodes = self.nodes
         node = nodes[root]
         if len(node) == 3 and node[1] != node[2] and nodes[node[1]][0] in LEAVES and nodes[node[2]][0] in LEAVES:
-            return root  # the common case, most equations of a network
+            return root  # the common case: most equations of a network
         if not self._repeats(root):
             return root
         factors: dict[int, float] = {root: 1.0}
         sizes: dict[int, float] = {root: 1.0}
         terms: list[int] = []
-        heap = [-root]  # descending: a node is popped once all its factors are known, as operands have smaller numbers
+        # Descending order: operands have smaller numbers, so that the factors of a node are complete when it is popped.
+        heap = [-root]
         while heap:
             number = -heapq.heappop(heap)
             below = _summands(nodes, nodes[number])
@@ -316,7 +315,7 @@ class Pool:
         return total
 
     def _repeats(self, root: int) -> bool:
-        """Whether a term of a sum occurs twice. Called for every equation, and nearly always false."""
+        """Whether a term of a sum occurs twice; called for every equation, and nearly always false."""
         nodes = self.nodes
         node = nodes[root]
         if node[0] not in _SUMS or (len(node) == 3 and node[1] != node[2] and not self._adds(node)):
@@ -352,7 +351,7 @@ class Pool:
         """All nodes needed to evaluate `roots`, in evaluation order, without nodes in `done` and those below them."""
         nodes = self.nodes
         stack = list(roots) if done is None else [r for r in roots if r not in done]
-        if len(stack) * _MANY > len(nodes):
+        if len(stack) * _DENSE > len(nodes):
             return self._reachable_of_many(stack, done or ())
         seen: set[int] = set()
         while stack:
@@ -366,7 +365,7 @@ class Pool:
         return sorted(seen)
 
     def _reachable_of_many(self, roots: Iterable[int], done: Container[int]) -> list[int]:
-        """As `reachable`, with a mark for every node: half the cost of sorting a set that contains most of them."""
+        """Like `reachable`, with a mark for every node: half the cost of sorting a set of most nodes."""
         nodes = self.nodes
         marks = bytearray(len(nodes))
         for number in roots:
@@ -390,15 +389,15 @@ class Pool:
         if known is not None:
             return frozenset(known)
         found = frozenset(set(self.entries(roots[0])))
-        if len(found) <= _MOST_CACHED:  # caching all partial sums of n terms would take n^2 memory
-            self._variables[roots[0]] = tuple(found)  # a third of the memory of a set
+        if len(found) <= _MOST_CACHED:  # caching all partial sums of n terms would need memory of order n^2
+            self._variables[roots[0]] = tuple(found)  # a tuple needs a third of the memory of a set
         return found
 
     def entries(self, root: int) -> list[int]:
-        """Variables that a node depends on, in no particular order, perhaps repeated, and without caching."""
+        """Variables that a node depends on, in no particular order and possibly repeated; without caching."""
         nodes, stack = self.nodes, [root]
         found: list[int] = []
-        for _ in range(_SMALL):
+        for _ in range(_MOST_WITHOUT_SET):
             if not stack:
                 return found
             node = nodes[stack.pop()]
@@ -407,13 +406,13 @@ class Pool:
                 found.append(node[1])
             elif op not in LEAVES:
                 stack += node[1:]
-        # a large expression may share so many nodes that its paths are countless
+        # A large expression may share so many nodes that the number of its paths explodes.
         return list(self._variables_of_many((root,)))
 
     def _variables_of_many(self, roots: Iterable[int]) -> set[int]:
         nodes, known = self.nodes, self._variables
         stack = list(roots)
-        if len(stack) * _MANY > len(nodes):
+        if len(stack) * _DENSE > len(nodes):
             return {nodes[n][1] for n in self.reachable(stack) if nodes[n][0] == "var"}
         seen, found = set[int](), set[int]()
         while stack:
@@ -439,7 +438,7 @@ class Pool:
         )
 
     def rewrite(self, roots: Iterable[int], leaf: Callable[[int], int], done: dict[int, int]) -> None:
-        """Substitute node `leaf(i)` for each variable i: enter the image of every node below `roots` in `done`."""
+        """Substitute node `leaf(i)` for each variable i, and add the image of every node below `roots` to `done`."""
         nodes = self.nodes
         for number in self.reachable(roots, done):
             node = nodes[number]
@@ -453,9 +452,9 @@ class Pool:
                 done[number] = number if image == node[1:] else self.make(op, *image)
 
     def copy(self, other: Pool, numbers: Iterable[int], images: dict[int, int]) -> None:
-        """Make nodes of another pool here: enter the image of each of `numbers`, in evaluation order, in `images`.
+        """Copy the nodes `numbers` of another pool, given in evaluation order, and add their images to `images`.
 
-        `images` holds those of all variables beforehand, and of any other node that becomes something else.
+        Beforehand `images` has those of all variables, and of any other nodes that are replaced.
         """
         nodes, make = other.nodes, self.make
         for number in numbers:
@@ -472,7 +471,7 @@ class Pool:
 
 
 def closure(start: Iterable[int], depends: Callable[[int], Iterable[int]]) -> set[int]:
-    """`start` and all that these depend on, directly or through others."""
+    """`start` and everything that these depend on, directly or indirectly."""
     found: set[int] = set()
     stack = list(start)
     while stack:
@@ -497,7 +496,7 @@ class _Retired(dict[Node, int]):
 
 
 def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:
-    """(Operand, factor) of each term of a sum; empty for a node that is no sum."""
+    """(Operand, factor) of each term of a sum; empty for a node that is not a sum."""
     op = node[0]
     if op in ("add", "sub"):
         return (node[1], 1.0), (node[2], 1.0 if op == "add" else -1.0)

@@ -57,7 +57,7 @@ class ReducedSystem:
 
     @property
     def event_nodes(self) -> list[int]:
-        """Nodes of everything that happens at events, is watched during a run, or is delayed."""
+        """Nodes of `when` clauses, discrete equations, assertions and delays."""
         whens = [n for w in self.whens for n in (*w.guards, *w.values)]
         delays = [n for delay in self.delays for n in delay if n is not None]
         return [*whens, *self.assignments, *self.asserts, *delays]
@@ -85,7 +85,7 @@ class ReducedSystem:
     def leaf_name(self, op: str, k: int) -> str:
         """Name of variable or of parameter k, by the operation of its node, "var" or "par".
 
-        Behind the parameters of the model there may be one of the compiler's.
+        The parameters of the model may be followed by one of the compiler, the stabilisation rate.
         """
         if op == "var":
             return self.name(k)
@@ -93,7 +93,7 @@ class ReducedSystem:
         return names[k] if k < len(names) else "stabilisation.rate"
 
     def text(self, node: int, limit: int = 80) -> str:
-        """An expression with the names of variables and parameters; about `limit` characters of it."""
+        """Text of an expression with the names of variables and parameters, cut after about `limit` characters."""
         return to_text(self.pool, node, self.leaf_name, limit)
 
     @cached_property

@@ -27,8 +27,8 @@ def is_long(pool: Pool, root: int) -> bool:
 def terms(pool: Pool, root: int) -> list[tuple[int, int]]:
     """(Term, integer factor) of each term of a sum, by ascending number of the node.
 
-    Operands have smaller numbers than the nodes made of them, so the largest pending number has all its factors: the
-    cost is that of sorting, also where partial sums are shared.
+    Operands have smaller numbers than the nodes that contain them, so the factor of the largest pending number is
+    final. The cost is that of sorting, even if partial sums are shared.
     """
     nodes = pool.nodes
     weight = {root: 1}

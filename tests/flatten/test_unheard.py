@@ -30,7 +30,7 @@ def test_a_gravity_that_nobody_feels_is_told(model: type[Component], way: float,
     made = acausal.compile(model()) if compiled else model()
     result = acausal.simulate(made, stop_time=1.0, parameters={"world.g": 2.0})
     assert result.final("mass.r_0[1]") == pytest.approx(way, abs=1e-9)
-    told = "world.g is set, and nothing in the model depends on it" in result.stats["notes"]  # type: ignore[operator]
+    told = "world.g is set, but nothing in the model depends on it" in result.stats["notes"]  # type: ignore[operator]
     assert told is (model is Upwards)
 
 
@@ -46,7 +46,7 @@ def test_what_acts_at_the_start_or_through_another_parameter_is_heard() -> None:
             yield der(self.x) == -self.twice * self.x
 
     values = {"k": 0.5, "begin": 2.0, "idle": (3.0, 4.0)}
-    assert acausal.flatten(Decay(), parameters=values).notes == ("idle is set, and nothing in the model depends on it",)
+    assert acausal.flatten(Decay(), parameters=values).notes == ("idle is set, but nothing in the model depends on it",)
 
 
 def test_a_part_in_a_list_is_told_too() -> None:
@@ -66,5 +66,5 @@ def test_a_part_in_a_list_is_told_too() -> None:
             self.members = [Decay(), Decay()]
 
     assert acausal.flatten(Row(), parameters={"members[1].idle": 2.0}).notes == (
-        "members[1].idle is set, and nothing in the model depends on it",
+        "members[1].idle is set, but nothing in the model depends on it",
     )

@@ -352,7 +352,7 @@ class AloneJoint(Component):
         self.joint = multibody.Revolute()
 
 
-@slip("AC203", "rod.frame_a: what left and right move has no mass", "self.rod = ", "connect a Body to rod.frame_a")
+@slip("AC203", "rod.frame_a: nothing moved by left and right has mass", "self.rod = ", "connect a Body to rod.frame_a")
 class RodBetweenSprings(Component):
     """World was advised, which would hold the rod."""
 
@@ -372,7 +372,7 @@ class RodBetweenSprings(Component):
         yield connect(self.rod.frame_b, self.right.frame_a)
 
 
-@slip("AC203", "rod.frame_a: what ball moves has no mass", "self.rod = ", "connect a Body to rod.frame_a")
+@slip("AC203", "rod.frame_a: nothing moved by ball has mass", "self.rod = ", "connect a Body to rod.frame_a")
 class RodOnABall(Component):
     world: multibody.World = multibody.World()
     ball: multibody.Spherical = part()

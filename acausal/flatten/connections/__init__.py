@@ -1,1 +1,1 @@
-"""Who is connected with whom, and what follows."""
+"""Connections between components, and the equations and choices that follow from them."""

@@ -28,7 +28,7 @@ class UnionFind:
         return i
 
     def union(self, i: int, j: int) -> bool:
-        """Merge two sets; False when they were the same already."""
+        """Merge two sets; False if they were already the same."""
         a, b = self.find(i), self.find(j)
         if a == b:
             return False
@@ -64,7 +64,7 @@ def joints(
     signals: list[SignalJoint] = []
     for by, connection, origin in connections:
         if any(is_element(end) for end in connection.ends):
-            continue  # acausal.flatten.connections.signals
+            continue  # connections of elements are treated in `acausal.flatten.connections.signals`
         first = connection.ends[0]
         for other in connection.ends[1:]:
             if isinstance(first, Symbol) and isinstance(other, Symbol):
@@ -77,7 +77,7 @@ def joints(
 
 
 def number_of_end(component: Component, number_of: dict[int, int], origin: Origin) -> int:
-    """Number of the component at an end; DeclarationError AC131 when it is no part of the model."""
+    """Number of the component at an end; raises DeclarationError AC131 if it is no part of the model."""
     number = number_of.get(id(component))
     if number is None:
         owner = component.__dict__["_owner"]
@@ -94,14 +94,18 @@ def number_of_end(component: Component, number_of: dict[int, int], origin: Origi
 
 @dataclass(frozen=True)
 class FlowSet:
-    """Connector faces whose flows sum to zero: `(instance, sign)`, sign -1 for a component's own outer connector."""
+    """Connector faces whose flows sum to zero, as pairs (instance, sign).
+
+    A connector of a component has one face for connections from outside, and one, with sign -1, for connections to the
+    parts of the component.
+    """
 
     members: tuple[tuple[int, int], ...]
     origin: Origin | None
 
 
 def flow_sets(all_instances: Sequence[Instance], physical: Sequence[Joint]) -> list[FlowSet]:
-    """One set per junction; a connector without an outside connection is a set of its own (its flow is zero)."""
+    """One set per junction; a connector without an outside connection is a set by itself, and its flow is zero."""
     faces = UnionFind(2 * len(all_instances))
     used_outside: set[int] = set()
     origins: dict[int, Origin] = {}
@@ -144,7 +148,7 @@ def refuse_open(all_instances: Sequence[Instance], sets: Sequence[FlowSet]) -> N
             "AC212",
             f"{type(all_instances[0].component).__name__}: {first.path} is not connected",
             where=(owner.origin.span(),),
-            cause=hints[0] if hints else "an open connector carries no flow, and here the component states that flow",
+            cause=hints[0] if hints else "an open connector carries no flow, but the component prescribes its flow",
             help=f"connect {first.path}",
         )
 
@@ -152,8 +156,8 @@ def refuse_open(all_instances: Sequence[Instance], sets: Sequence[FlowSet]) -> N
 def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoint]) -> None:
     """Refuse a signal driven by two sources (AC132).
 
-    A signal of a component has two faces, an outer one for connections by its owner, and an inner one for connections
-    by the component itself, where an input is a source and an output is not.
+    A signal of a component has two faces: an outer one for connections by its owner, and an inner one for connections
+    by the component itself. At the inner face an input is a source and an output is not.
     """
     faces = [tuple((*end, all_instances[end[0]].number == joint.by) for end in (joint.a, joint.b)) for joint in signals]
     index = {face: k for k, face in enumerate(dict.fromkeys(face for pair in faces for face in pair))}

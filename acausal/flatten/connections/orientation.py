@@ -24,19 +24,19 @@ from acausal.language.statement import Origin
 class SpanningTree:
     """Indices of the joints that close a loop, and therefore have residuals instead of equalities.
 
-    `loops` names the components around each loop.
+    `loops` names the components along each loop.
     """
 
     cut: frozenset[int]
     loops: tuple[FlatLoop, ...] = ()
 
 
-_LAST = 2**31
-"""Priority after that of every potential root."""
+_LOWEST_PRIORITY = 2**31
+"""Priority number greater than that of any potential root, so that these frames are considered last."""
 
 
 def is_overconstrained(connector: Connector) -> bool:
-    """True for a frame-like connector."""
+    """True for a connector with an overconstrained variable, such as a frame."""
     return any(d.overconstrained for d in connector._declarations.values())
 
 
@@ -48,17 +48,17 @@ def spanning_tree(
 ) -> SpanningTree:
     """Cut loops and assign every frame its role (read by `rooted` and `is_root`).
 
-    The roles are stored in views of the frames and of the components that own them, which are entered in `number_of`.
-    The user's components stay unchanged, so that one model can be flattened in two ways at a time. `assumed` frames are
-    roots of islands without any other root: those of a component that is described alone.
+    The roles are stored in views of the frames and of the components that own them, which are added to `number_of`. The
+    user's components stay unchanged, so that one model can be flattened in two ways at the same time. `assumed` frames,
+    those of a component that is described alone, are roots of islands without any other root.
     """
     frames = [i.number for i in all_instances if isinstance(i.component, Connector) and is_overconstrained(i.component)]
     if not frames:
         return SpanningTree(frozenset())
     branches, roots, potential = _ties(all_instances, number_of)
-    potential = [*potential, *((_LAST, number) for number in assumed)]
+    potential = [*potential, *((_LOWEST_PRIORITY, number) for number in assumed)]
     n = len(all_instances)
-    sets = UnionFind(n + 1)  # node n stands for the world: all declared roots are one
+    sets = UnionFind(n + 1)  # node n represents the world, to which all declared roots belong
     for number in roots:
         sets.union(n, number)
     neighbours: dict[int, list[int]] = {f: [] for f in frames}
@@ -69,7 +69,7 @@ def spanning_tree(
     cut: set[int] = set()
     connected = UnionFind(n)
     for k, joint in enumerate(physical):
-        # Skip connections implied by earlier ones: they would close a loop around nothing.
+        # Skip connections that earlier ones imply: their loop would contain no component.
         if joint.a in neighbours and connected.find(joint.a) != connected.find(joint.b):
             if sets.union(joint.a, joint.b):
                 connected.union(joint.a, joint.b)
@@ -78,7 +78,7 @@ def spanning_tree(
             else:
                 cut.add(k)
     owners = {i.number: i.owner.number for i in all_instances if i.owner is not None}
-    # connected from outside: a composite's own frames are always connected to those of its parts
+    # Only connections from outside count: the frames of a composite are always connected to those of its parts.
     joined = {end for joint in physical for end in (joint.a, joint.b) if owners.get(end) != joint.by}
     chosen = _choose_roots(sets, n, frames, roots, potential, all_instances, joined)
     _assign_roles(all_instances, frames, neighbours, chosen, branches)
@@ -90,20 +90,20 @@ def spanning_tree(
 def _loop(
     all_instances: Sequence[Instance], joint: Joint, neighbours: dict[int, list[int]], world: int, roots: list[int]
 ) -> FlatLoop:
-    """Components on the shortest path of the tree between the ends of a cut joint; all roots meet in the world."""
+    """Components on the shortest path of the tree between the ends of a cut joint; the world connects all roots."""
     came_from = {joint.a: joint.a}
     queue = deque([joint.a])
     while queue and joint.b not in came_from:
-        here = queue.popleft()
-        around = roots if here == world else neighbours[here] + ([world] if here in roots else [])
-        for other in around:
+        current = queue.popleft()
+        reachable = roots if current == world else neighbours[current] + ([world] if current in roots else [])
+        for other in reachable:
             if other not in came_from:
-                came_from[other] = here
+                came_from[other] = current
                 queue.append(other)
-    way = [joint.b]
-    while way[-1] != joint.a:
-        way.append(came_from[way[-1]])
-    owners = [all_instances[k].owner for k in way if k != world]
+    route = [joint.b]
+    while route[-1] != joint.a:
+        route.append(came_from[route[-1]])
+    owners = [all_instances[k].owner for k in route if k != world]
     names = dict.fromkeys(owner.path for owner in owners if owner is not None)
     return FlatLoop((all_instances[joint.a].path, all_instances[joint.b].path), joint.origin, tuple(names))
 
@@ -136,7 +136,7 @@ def _ties(
 
 
 def _frame(connector: Connector, number_of: dict[int, int], origin: Origin) -> int:
-    """Number of a connector that is declared to be tied; AC130 when it is no frame of the model."""
+    """Number of a connector in `ties`; raises DeclarationError AC130 if it is no frame of the model."""
     number = number_of.get(id(connector))
     if number is None or not is_overconstrained(connector):
         raise DeclarationError(
@@ -176,7 +176,10 @@ def _choose_roots(
 def _unoriented(
     all_instances: Sequence[Instance], island: list[Instance], beyond: set[Instance | None], joined: set[int]
 ) -> StructureError:
-    """AC203 for frames without a root; `beyond` have a frame in another island, `joined` are connected."""
+    """AC203 for an island of frames without a root.
+
+    `beyond` are components with a frame in another island, `joined` the frames that are connected from outside.
+    """
     first = island[0]
     unconnected = [f.path for f in island if f.number not in joined]
     owners = {f.owner.number: f.owner for f in island if f.owner is not None}
@@ -192,9 +195,9 @@ def _unoriented(
         help = f"connect {' or '.join(unconnected[:2])}, or leave it out"
     elif acting:
         first = next((f for f in island if f.owner not in beyond), first)
-        why = f": what {' and '.join(acting[:3])} {'moves' if len(acting) == 1 else 'move'} has no mass"
-        cause = "a frame that is not fixed moves by the mass of a Body; there is none in this island of frames"
-        help = f"connect a Body to {first.path}; World or Fixed only where it is to stand still"
+        why = f": nothing moved by {' and '.join(acting[:3])} has mass"
+        cause = "a frame that is not fixed needs the mass of a Body to move; there is none in this island of frames"
+        help = f"connect a Body to {first.path}, or World or Fixed if it is to stand still"
     return StructureError(
         "AC203",
         f"{type(all_instances[0].component).__name__}: nothing fixes the orientation of {first.path}{why}",
@@ -234,7 +237,7 @@ def _assign_roles(
     for owner in owners.values():
         views: dict[int, Component] = {id(face): p.component for p in owner.parts for face in p.faces}
         parts = {
-            name: [views.get(id(m), m) for m in held] if isinstance(held, list) else views.get(id(held), held)
-            for name, held in owner.component._parts.items()
+            name: [views.get(id(m), m) for m in value] if isinstance(value, list) else views.get(id(value), value)
+            for name, value in owner.component._parts.items()
         }
         owner.replace_by_view(owner.component._view(parts=parts))

@@ -1,8 +1,8 @@
 """Signals: connected elements of vectors, inputs of a model that nothing drives, and signals cut by `acausal.free`.
 
-Signals connected as a whole share their scalars. An element, as in `connect(self.gain.y, self.mux.u[2])`, cannot,
-because the scalars of a vector are contiguous: its connection becomes an equation, or an assignment for a discrete
-signal.
+Signals that are connected as a whole share their scalars. A single element, as in `connect(self.gain.y,
+self.mux.u[2])`, cannot share, because the scalars of a vector are contiguous: its connection becomes an equation, or an
+assignment if the signal is discrete.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Entry = tuple[int, str, int]
 
 @dataclass(frozen=True)
 class ElementJoint:
-    """A source and the entry it drives, connected by component `by`."""
+    """A source and the entry that it drives, connected by component `by`."""
 
     source: Entry
     sink: Entry
@@ -44,10 +44,10 @@ def element_joints(
 ) -> list[ElementJoint]:
     """Connections with an element at one of their ends.
 
-    Raises DeclarationError: AC132 when a connection has no source or several, or when a scalar is driven twice.
+    Raises DeclarationError: AC132 if a connection has no source or several, or if a scalar is driven twice.
     """
-    whole = {(*end, j.by): j.origin for j in signals for end in (j.a, j.b)}
-    made: list[ElementJoint] = []
+    connected_as_whole = {(*end, j.by): j.origin for j in signals for end in (j.a, j.b)}
+    element_connections: list[ElementJoint] = []
     driven: dict[Entry, Origin] = {}
     for by, connection, origin in connections:
         if not any(is_element(end) for end in connection.ends):
@@ -65,17 +65,17 @@ def element_joints(
         for sink in ends:
             if sink == sources[0]:
                 continue
-            before = driven.get(sink) or whole.get((sink[0], sink[1], by))
-            if before is not None:
+            previous = driven.get(sink) or connected_as_whole.get((sink[0], sink[1], by))
+            if previous is not None:
                 raise DeclarationError(
                     "AC132",
                     f"two sources drive one signal: {_name(found, sink)}",
-                    where=(before.span(), origin.span()),
+                    where=(previous.span(), origin.span()),
                     help="connect each input to one output",
                 )
             driven[sink] = origin
-            made.append(ElementJoint(sources[0], sink, by, origin))
-    return made
+            element_connections.append(ElementJoint(sources[0], sink, by, origin))
+    return element_connections
 
 
 def element_equations(
@@ -97,10 +97,10 @@ def element_equations(
 
 def _entry(end: Expr, number_of: dict[int, int], origin: Origin) -> Entry:
     symbol: Symbol = signal_of(end)
-    place = 0
+    entry = 0
     for index, size in zip(end.payload if is_element(end) else (), symbol.shape, strict=False):
-        place = place * size + index
-    return number_of_end(symbol.owner, number_of, origin), symbol.name, place
+        entry = entry * size + index
+    return number_of_end(symbol.owner, number_of, origin), symbol.name, entry
 
 
 def _is_source(found: Sequence[Instance], entry: Entry, by: int) -> bool:
@@ -110,9 +110,9 @@ def _is_source(found: Sequence[Instance], entry: Entry, by: int) -> bool:
 
 
 def _name(found: Sequence[Instance], entry: Entry) -> str:
-    number, name, place = entry
+    number, name, entry_index = entry
     shape = found[number].component._declarations[name].shape
-    return found[number].prefix + name + suffix(shape, place)
+    return found[number].prefix + name + suffix(shape, entry_index)
 
 
 Signal = tuple[int, str]
@@ -121,20 +121,20 @@ _OPEN = Guess(0.0)
 
 
 def freed_signals(model: Component, found: Sequence[Instance]) -> frozenset[Signal]:
-    """The signals named by `free`.
+    """The signals that `acausal.free` has named.
 
-    Raises UsageError: AC047 for a name that is no input, or an input that changes at events only.
+    Raises UsageError: AC047 for a name that is not an input, or an input that changes at events only.
     """
-    wanted = model.__dict__.get("_freed", ())
-    if not wanted:
+    paths = model.__dict__.get("_freed", ())
+    if not paths:
         return frozenset()
-    known = {i.prefix + name: (i, name, d) for i in found for name, d in i.component._declarations.items()}
-    inputs = [path for path, (_, _, d) in known.items() if d.kind is Kind.INPUT and not d.discrete]
+    declared = {i.prefix + name: (i, name, d) for i in found for name, d in i.component._declarations.items()}
+    inputs = [path for path, (_, _, d) in declared.items() if d.kind is Kind.INPUT and not d.discrete]
     signals = set()
-    for path in wanted:
+    for path in paths:
         if path not in inputs:
-            raise _not_an_input(type(model).__name__, path, known[path][2] if path in known else None, inputs)
-        instance, name, _ = known[path]
+            raise _not_an_input(type(model).__name__, path, declared[path][2] if path in declared else None, inputs)
+        instance, name, _ = declared[path]
         signals.add((instance.number, name))
     return frozenset(signals)
 
@@ -155,19 +155,19 @@ def _not_an_input(model: str, path: str, declaration: Declaration | None, inputs
 
 
 def open_inputs(model: Instance, cut: Collection[Signal]) -> frozenset[Signal]:
-    """Signals that are inputs of the model: its own that nothing binds, those with a number as default, and `cut`."""
+    """Signals that are inputs of the model: its own without a binding or with a number as default, and `cut`."""
     values, given = model.component.__dict__["_values"], model.component.__dict__["_given"]
-    own = {
+    open_signals = {
         (model.number, name)
         for name, d in model.component._declarations.items()
         if d.kind is Kind.INPUT
         and (isinstance(values.get(name, _OPEN), Fixed | Guess) or (name not in given and _is_number(d)))
     }
-    return frozenset(own | set(cut))
+    return frozenset(open_signals | set(cut))
 
 
 def _is_number(declaration: Declaration) -> bool:
-    """Whether the declared default is one number, and the signal continuous: discrete defaults are bindings."""
+    """Whether the declared default is a number and the signal continuous; discrete defaults are bindings."""
     value = declaration.default
     return isinstance(value, int | float) and not isinstance(value, bool) and not declaration.discrete
 
@@ -179,15 +179,15 @@ def cut_joints(signals: Sequence[SignalJoint], cut: Collection[Signal]) -> list[
     stack = list(signals)
     while stack:
         joint = stack.pop(0)
-        here = next((end for end in (joint.a, joint.b) if end in cut and end[0] != joint.by), None)
-        if here is None:
+        cut_end = next((end for end in (joint.a, joint.b) if end in cut and end[0] != joint.by), None)
+        if cut_end is None:
             remaining.append(joint)
             continue
-        other = joint.b if joint.a == here else joint.a
-        for before, via in neighbours[here][:1]:
+        other = joint.b if joint.a == cut_end else joint.a
+        for before, via in neighbours[cut_end][:1]:
             if via.by == joint.by:
                 stack.append(SignalJoint(before, other, joint.by, joint.origin))
-        neighbours[here].append((other, joint))
+        neighbours[cut_end].append((other, joint))
     return remaining
 
 

@@ -1,6 +1,6 @@
-"""Composition of a model, its instances and connections, before equations are generated.
+"""Composition of a model: its instances and connections, before equations are generated.
 
-Diagrams and descriptions of components are made from it; parameters need no values for it.
+Diagrams and descriptions of components use it; parameters need no values for it.
 """
 
 from __future__ import annotations
@@ -34,14 +34,15 @@ class Composition:
         return [(number, item) for number, item, _ in self._made]
 
     def stated(self, *methods: str) -> list[tuple[str, Statement]]:
-        """(Method, statement) for the statements of the model's own `methods`, base classes first.
+        """(Method, statement) for the statements of the `methods` of the model itself, base classes first.
 
-        Without a root its own first frames are roots of the spanning tree, so that a component can be described alone.
+        If there is no root, the frames of the model itself are potential roots of the spanning tree, so that a
+        component can be described alone.
         """
         connected = [(number, item, origin) for number, item, origin in self._made]
         physical, _ = joints(connected, dict(self.number_of))
-        own = [(p.number, p.component) for p in self.found[0].parts]
-        assumed = [number for number, c in own if isinstance(c, Connector) and is_overconstrained(c)]
+        own_parts = [(p.number, p.component) for p in self.found[0].parts]
+        assumed = [number for number, c in own_parts if isinstance(c, Connector) and is_overconstrained(c)]
         spanning_tree(self.found, physical, dict(self.number_of), assumed)
         component = self.found[0].component
         return [(method, statement) for method in methods for statement in statements(component, method)]
@@ -61,7 +62,7 @@ def compose(model: Component) -> Composition:
         for item, origin in statements(instance.component)
         if isinstance(item, Connection)
     ]
-    joints(made, number_of)  # raises for connections that do not fit
+    joints(made, number_of)  # raises errors of connections
     return Composition(found, number_of, made)
 
 

@@ -1,6 +1,7 @@
 """The instance tree as a list: one entry per component, depth first, owners before their parts.
 
-Inner and outer components (Modelica language 3.6, section 5.4): each `outer` is bound to the inner one around it.
+Inner and outer components follow the Modelica language 3.6, section 5.4: each `outer` is bound to the nearest enclosing
+inner component.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from acausal.language.statement import Origin
 
 @dataclass(eq=False, slots=True)
 class Instance:
-    """One component of the model. `first` maps declared names to scalar numbers once they are allocated.
-    `prefix`, the path and a dot, or "", stands in front of the names of its fields.
+    """One component of the model.
 
-    `component` may be a view, because flattening must not change the user's component. `faces` are the other objects
-    that expressions use for this instance: the user's component, and stand-ins of outer components.
+    `first` maps declared names to the number of their first scalar, once these are allocated. `prefix`, the path and a
+    dot, or "", precedes the names of its fields. `component` may be a view, because flattening must not change the
+    user's component. `faces` are the other objects that expressions use for this instance: the user's component, and
+    stand-ins of outer components.
     """
 
     component: Component
@@ -42,13 +44,12 @@ class Instance:
     @property
     def is_leaf(self) -> bool:
         """True when all parts are connectors, so that equal instances have equal equations."""
-        return all(
-            [isinstance(p.component, Connector) for p in self.parts]
-        )  # a list: for few parts a generator costs more
+        # A list, because for few parts a generator costs more.
+        return all([isinstance(p.component, Connector) for p in self.parts])
 
     @property
     def origin(self) -> Origin:
-        """Place of the component's construction."""
+        """Place in the source where the component is constructed."""
         origin: Origin = self.component.__dict__["_origin"]
         return origin
 
@@ -58,7 +59,7 @@ class Instance:
         self.component = component
 
     def origin_of_value(self, name: str) -> Origin | Declared:
-        """Place of a field's value: the call that made the component, else the class body."""
+        """Place in the source of the value of a field: the call that made the component, else the class body."""
         is_given = name in self.component.__dict__["_given"]
         return self.origin if is_given else Declared(type(self.component), name, self.origin)
 
@@ -71,9 +72,9 @@ def numbers(found: Iterable[Instance]) -> dict[int, int]:
 def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> list[Instance]:
     """All instances of a model; the model itself is the first, with an empty path.
 
-    `choices` are structures of components by path; without one a component has all contacts that are possible.
+    `choices` are structures of components by path; without one a component has all possible contacts.
 
-    Raises UsageError: AC028 for a `model` that is no component.
+    Raises UsageError: AC028 if `model` is not a component.
     """
     check_model(model)
     found: list[Instance] = []
@@ -104,7 +105,7 @@ def changing(model: Component) -> dict[str, Changing]:
 
 
 def _check_constructed(component: Component) -> None:
-    """Refuse a component whose own constructor has not called that of its base."""
+    """Refuse a component whose constructor has not called that of its base class."""
     if "_origin" not in component.__dict__:
         raise own_constructor(type(component)) or TypeError(component)
 
@@ -112,7 +113,7 @@ def _check_constructed(component: Component) -> None:
 def _grow(
     found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
 ) -> Instance:
-    """Append a component and all its parts to `found`; returns the instance of the component itself."""
+    """Append a component and all its parts to `found`; return the instance of the component itself."""
     first = len(found)
     seen: dict[int, str] = {}
     stack: list[tuple[Component, str, Instance | None]] = [(model, path, owner)]
@@ -142,7 +143,7 @@ def _grow(
 
 
 def _with_structure(component: Component, path: str, choices: Mapping[str, Choice]) -> Component:
-    """A component with the structure chosen for it, else with all contacts that are possible."""
+    """A component with the structure chosen for it, else with all possible contacts."""
     if path in choices:
         return choices[path].applied()
     return component.whole().applied() if is_changing(component) else component
@@ -162,9 +163,9 @@ def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]
 
 
 def _bind_outers(found: list[Instance]) -> tuple[str, ...]:
-    """Bind the outer components of every instance; returns notes on components that had to be added to the model.
+    """Bind the outer components of every instance; return notes on components that had to be added to the model.
 
-    Raises DeclarationError: AC188 when no enclosing component has the inner one, AC189 when several match.
+    Raises DeclarationError: AC188 if no enclosing component has the inner one, AC189 if several match.
     """
     known: dict[tuple[int, Outer[Component], str], Instance] = {}
     added: dict[tuple[type[Component], str], tuple[Instance, list[str]]] = {}
@@ -190,7 +191,7 @@ def _bind_outers(found: list[Instance]) -> tuple[str, ...]:
 def _find_inner(
     instance: Instance, name: str, wanted: Outer[Component], known: dict[tuple[int, Outer[Component], str], Instance]
 ) -> Instance | None:
-    """The nearest enclosing match for an outer component; None when there is none."""
+    """The nearest enclosing match for an outer component; None if there is none."""
     passed: list[tuple[int, Outer[Component], str]] = []
     enclosing, answer = instance.owner, None
     while enclosing is not None and answer is None:
@@ -224,7 +225,7 @@ def _match(holder: Instance, instance: Instance, name: str, wanted: Outer[Compon
 
 
 def _add_default(found: list[Instance], instance: Instance, name: str, wanted: Outer[Component]) -> Instance:
-    """Add the default of an outer component to the model."""
+    """Add the default of an outer component to the model; return its instance."""
     model = found[0]
     if wanted.default is None:
         raise DeclarationError(
@@ -242,7 +243,7 @@ def _add_default(found: list[Instance], instance: Instance, name: str, wanted: O
 
 
 def _resolve_stand_in(inner: Instance, stand_in: Component) -> None:
-    """Resolve a stand-in of an outer component, and its parts, to an instance in expressions."""
+    """Let a stand-in of an outer component, and its parts, represent an instance in expressions."""
     inner.faces.append(stand_in)
     parts = {p.path: p for p in inner.parts}
     for name, part in stand_in._parts.items():

@@ -1,6 +1,6 @@
-"""Running the generator methods of a component: its equations, connections and ties with their places in the source.
+"""The generator methods of a component are run: its equations, connections and ties with their places in the source.
 
-The place of a statement is read from the frame of the generator that yields it, also through `yield from`.
+The place of a statement is taken from the frame of the generator that yields it, even through `yield from`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVER
 
 
 def statements(component: Component, method: str = "equations") -> list[Statement]:
-    """Statements yielded by `method` of every class in the MRO, base classes first; checks dimensions."""
+    """Statements yielded by `method` of every class in the MRO, base classes first, with checked dimensions."""
     found: list[Statement] = []
     for cls in reversed(type(component).__mro__):
         function = cls.__dict__.get(method)
@@ -50,7 +50,10 @@ def refuse_unstated(components: Iterable[Component]) -> None:
 
 
 def run(component: Component, cls: str, method: str, function: Callable[..., Any], *args: Any) -> list[Statement]:
-    """Statements yielded by one generator method; DeclarationError AC129 for no generator, AC130 for a wrong item."""
+    """Statements yielded by one generator method.
+
+    Raises DeclarationError: AC129 if the method is no generator, AC130 for an item that is no statement.
+    """
     form = f"def {method}(self) -> Equations"
     generator = called(f"{cls}.{method}", form, function, component, *args)
     if not isinstance(generator, Generator):
@@ -79,7 +82,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 "AC130",
                 f"{cls}.{method} yields `{item}` ({type(item).__name__})",
                 where=(origin.span(),),
-                cause="two plain numbers, or two connectors, were compared: Python decided it at once"
+                cause="two plain numbers, or two connectors, were compared, which gives True or False, not an equation"
                 if isinstance(item, bool)
                 else None,
                 help="yield an equation `left == right`"
@@ -93,8 +96,8 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
 def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: Ledger) -> Iterator[Statement]:
     """The items of a generator with their places; statements that it makes without yielding them stay in the ledger.
 
-    Adds the component to errors of library functions, which do not know it. Their place is the line of the modeller's
-    that calls them, or, where the library's own equations do, where the component was made.
+    Adds the component to errors of library functions, which do not know it. The place of such an error is the line of
+    the modeller's code that calls the function, or, if equations of the library call it, where the component was made.
     """
     while True:
         token = RECORDING.set(ledger)
@@ -106,8 +109,8 @@ def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: 
             path = component._path_to("")[:-1]
             if error.attribute_to(f"{path} ({type(component).__name__})" if path else type(component).__name__):
                 calls = [Span(f.f_code.co_filename, line) for f, line in walk_tb(error.__traceback__)][1:]
-                own = tuple(s for s in calls if not s.of_library)[-1:]
-                error.where = own or (component.__dict__["_origin"].span(),)
+                callers = tuple(s for s in calls if not s.of_library)[-1:]
+                error.where = callers or (component.__dict__["_origin"].span(),)
             raise
         finally:
             RECORDING.reset(token)
@@ -116,7 +119,7 @@ def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: 
 
 
 def _origin_of(generator: Generator[Any, Any, Any]) -> Origin:
-    """The place of the statement that `generator`, just resumed, has yielded from."""
+    """The place of the statement that `generator`, which was just resumed, has yielded."""
     inner: Any = generator
     while getattr(inner.gi_yieldfrom, "gi_frame", None) is not None:
         inner = inner.gi_yieldfrom
@@ -131,16 +134,16 @@ def _refuse_idle(where: str, function: Callable[..., Any]) -> None:
     if code is not None and line is not None:
         raise DeclarationError(
             "AC186",
-            f"{where} computes an expression that reaches nothing",
+            f"{where} computes an expression and discards it",
             where=(Span(code.co_filename, line),),
-            cause="an expression alone on a line is no equation: the model knows only what is yielded",
+            cause="an expression alone on a line is no equation: only yielded equations are part of the model",
             help="yield an equation: yield left == right",
         )
 
 
 @cache
 def _idle(code: CodeType) -> int | None:
-    """First line whose value is computed and discarded; equations are excluded, which the ledger finds."""
+    """First line whose value is computed and discarded, except equations, which the ledger finds."""
     before = None
     for step in dis.get_instructions(code):
         if step.opname == "POP_TOP" and before is not None and before.opname in _COMPUTES and before.argrepr != "==":
@@ -165,7 +168,7 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
                 f"`{e}`: `{e.args[0]}` is not discrete",
                 where=(origin.span(),),
                 evidence=[str(equation)],
-                cause="between events it is always changing: there is no value it had before",
+                cause="it changes continuously between events, so that it has no previous value",
                 help="use it in a `when`, or keep the value in a discrete(): "
                 "yield when(condition, reset(self.held, x))",
             )
@@ -177,31 +180,31 @@ def _check_discrete(equation: Equation, origin: Origin) -> None:
 
 
 def _no_derivative(e: Expr) -> tuple[str, str, str] | None:
-    """Why an expression is not to be differentiated: what is wrong, its cause and the remedy; None if it may be."""
-    if (still := _piecewise_constant(e)) is not None:
-        kind = "discrete" if still.declaration.discrete else f"a {still.declaration.kind.value}"
+    """(Fact, cause, remedy) if an expression must not be differentiated; None if it may be."""
+    if (symbol := _piecewise_constant(e)) is not None:
+        kind = "discrete" if symbol.declaration.discrete else f"a {symbol.declaration.kind.value}"
         return (
-            f"`{still}` is {kind} and has no derivative",
-            "it keeps its value between events" if still.declaration.discrete else "it is constant in a run",
-            f"declare what changes in time by variable(): {still.name}: Real = variable(...)",
+            f"`{symbol}` is {kind} and has no derivative",
+            "it keeps its value between events" if symbol.declaration.discrete else "it is constant in a run",
+            f"declare a quantity that changes in time by variable(): {symbol.name}: Real = variable(...)",
         )
     if (jump := _jump(e)) is not None:
         return (
             f"`{jump}` jumps and has no derivative",
-            "between its jumps the derivative is zero, at them it is infinite: the integral would be lost",
+            "the derivative is zero between the jumps and infinite at them, so that its integral would be wrong",
             "leave the jump out of der(...), or smooth it: tanh(x / width) for sign(x)",
         )
     if (part := _switching(e)) is not None:
         return (
             f"`{part}` switches, and the expression around it has no name",
-            "where it jumps the derivative is an impulse, which a run looks for in variables only",
+            "where it jumps the derivative is an impulse, which a run detects for variables only",
             "declare a variable for it: yield self.q == ..., and der(self.q)",
         )
     return None
 
 
 def _jump(e: Expr) -> Expr | None:
-    """A term that jumps, alone or with a constant factor; others may be continuous, as x sign(x) is."""
+    """A term that jumps, alone or with a constant factor; with other factors it may be continuous, like x sign(x)."""
 
     def terms(e: Expr) -> Sequence[Expr]:
         if e.op in ("add", "sub", "neg"):
@@ -212,9 +215,9 @@ def _jump(e: Expr) -> Expr | None:
 
 
 def _switching(e: Expr) -> Expr | None:
-    """The part of an expression that may jump at an event, unless the expression is a variable by itself.
+    """The part of an expression that may jump at an event; None if the expression is a variable or a condition.
 
-    The jumps of variables that are differentiated are seen when a run passes them (AC507, AC039).
+    Jumps of differentiated variables are detected when they occur in a run (AC507, AC039).
     """
     if isinstance(e, Symbol) or is_condition(e):
         return None
@@ -244,7 +247,7 @@ def _piecewise_constant(e: Expr) -> Symbol | None:
 
 
 class _Where:
-    """A one-element sequence of spans, resolved only when an error prints it."""
+    """A sequence of one span, which is computed only when an error prints it."""
 
     def __init__(self, origin: Origin) -> None:
         self._origin = origin

@@ -1,1 +1,1 @@
-"""From vectors to scalar expressions, and their derivatives."""
+"""Scalar expressions of vectors and matrices, and their time derivatives."""

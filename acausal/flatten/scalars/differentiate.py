@@ -91,13 +91,13 @@ def _rate_of_delay(op: Delayed) -> DeclarationError:
     return DeclarationError(
         "AC184",
         f"the time derivative of {op.label} is needed",
-        cause="a delayed signal is known as a value only; its derivative may jump where nothing else does",
+        cause="only the value of a delayed signal is available; its derivative may jump where nothing else does",
         help="delay the derivative instead: delay(der(x), T); a prescribed motion needs both",
     )
 
 
 def _call(p: Pool, op: Call, operands: tuple[int, ...]) -> int:
-    """Chain rule of an external function: linear in the derivatives, so that they can be solved for symbolically.
+    """Chain rule of an external function: linear in the derivatives, so that these can be solved for symbolically.
 
     Raises DeclarationError: AC128 for a table that jumps, whose derivative is an impulse at each jump.
     """
@@ -125,7 +125,7 @@ def _pow(p: Pool, n: int, a: int, b: int) -> int:
 
 
 def _relation_without_event(p: Pool, relation: str, a: int, b: int) -> int:
-    """Relation without an event, for min, max and fabs: their kinks make no events, nor do their derivatives."""
+    """Relation without an event, for derivatives of min, max and fabs, whose kinks make no events either."""
     return p.make("noevent", p.make(relation, a, b))
 
 
@@ -169,7 +169,7 @@ _RULES: dict[str, Callable[..., int]] = {
     "floor": _zero,
     "ceil": _zero,
     "noevent": lambda p, n, a: p.zero if p._slopes[a] == p.zero else p.make("noevent", p._slopes[a]),
-    # constant between events; at events nothing is differentiated
+    # Constant between events; nothing is differentiated at events.
     **dict.fromkeys(_CONSTANT, _zero),
     "sin": _chain(lambda p, n, a: p.make("cos", a)),
     "cos": _chain(lambda p, n, a: p.neg(p.make("sin", a))),

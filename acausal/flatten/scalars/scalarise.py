@@ -1,10 +1,10 @@
 """Scalarisation: language expressions with vectors and matrices become scalar pool nodes in row-major order.
 
-Also allocates scalars: connected potentials share one variable, every other unknown has its own.
+Scalars are allocated here, too: connected potentials share one variable, every other unknown has its own.
 
-Equations of a component class are generated once, as a `Template`, and replayed for every equal instance. For ten
-thousand resistors the generator runs once: instances of one class with the same structural values have the same
-equations up to the numbers of their variables. This decides the cost per scalar equation.
+Instances of one class with the same structural values have the same equations up to the numbers of their variables.
+Their equations are therefore generated once, as a `Template`, and replayed for every equal instance: for ten thousand
+resistors the generator runs once. This determines the cost per scalar equation.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ from acausal.language.statement import Origin
 
 Scalars = tuple[int, ...]
 Resolve = Callable[[Symbol], Scalars]
-# Constructs a FlatEquation in a third of the time of its Python constructor, which counts for every equation.
+# Constructs a FlatEquation in a third of the time of its Python constructor, which matters as there are so many.
 _EQUATION = partial(tuple.__new__, FlatEquation)
 
 
 def scalars(pool: Pool, root: Expr, resolve: Resolve, done: dict[int, Scalars]) -> Scalars:
-    """Nodes of the entries of `root`; `resolve` gives those of a symbol, `done` caches results by `id`.
+    """Nodes of the entries of `root`; `resolve` returns those of a symbol, `done` caches results by `id`.
 
-    The caller must keep the expressions alive as long as `done` is used.
+    The caller must keep the expressions alive as long as it uses `done`.
     """
     stack = [root]
     while stack:
@@ -61,14 +61,14 @@ def scalars(pool: Pool, root: Expr, resolve: Resolve, done: dict[int, Scalars]) 
 def sides(
     pool: Pool, equation: Equation, resolve: Resolve, done: dict[int, Scalars], origin: Origin | None = None
 ) -> list[tuple[int, int]]:
-    """The scalar equations of a language equation as pairs of nodes; `origin` is the place named in errors."""
+    """The scalar equations of a language equation as pairs of nodes; errors name `origin` as their place."""
     try:
         left = scalars(pool, equation.left, resolve, done)
         right = scalars(pool, equation.right, resolve, done)
     except DeclarationError as error:
         if origin is not None:
-            made = error.where if error.code == "AC131" else ()
-            error.where = (origin.span(), *made)
+            origin_of_symbol = error.where if error.code == "AC131" else ()
+            error.where = (origin.span(), *origin_of_symbol)
             error.evidence = error.evidence or (str(equation),)
         raise
     size = max(len(left), len(right))
@@ -124,7 +124,7 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
         flat = [a for part in args for a in part]
         return tuple(pool.make(Call(external, k), *flat) for k in external.entries(output))
     if op == "pre":
-        # allowed for a continuous expression in a `when` only, which evaluates it before any reset
+        # For a continuous expression `pre` is allowed in a `when` only, which evaluates it before any reset.
         return tuple(pool.make("pre", a) for a in args[0]) if is_discrete(e.args[0]) else args[0]
     if op == "delay":
         return _delay(pool, e, args)
@@ -159,7 +159,8 @@ def _delay(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
         return args[0]
     constant = [all(pool.nodes[n][0] in ("const", "par") for n in pool.reachable([a])) for a in args[0]]
     return tuple(
-        a if still else pool.delayed(a, time, most, str(e)) for a, still in zip(args[0], constant, strict=True)
+        a if is_constant else pool.delayed(a, time, most, str(e))
+        for a, is_constant in zip(args[0], constant, strict=True)
     )
 
 
@@ -228,24 +229,24 @@ def allocate(
     shared_signals = _signal_representatives(signals)
     variables: list[FlatVariable] = []
     count = pool.n_variables
-    flat_variable = partial(tuple.__new__, FlatVariable)  # a third of the time of its Python constructor
+    flat_variable = partial(tuple.__new__, FlatVariable)  # takes a third of the time of its Python constructor
     for instance in all_instances:
-        own = layout(instance.component)
-        if not own:
+        unknowns = layout(instance.component)
+        if not unknowns:
             continue
         first = instance.first
         number = instance.number
         prefix = instance.prefix
         is_connector = isinstance(instance.component, Connector)
-        for name, declaration, size in own:
+        for name, declaration, size in unknowns:
             if is_connector and declaration.kind is Kind.VARIABLE:
                 sets = oriented if declaration.overconstrained else plain
                 source = all_instances[sets.find(number)]
                 start = source.first[name] if source is not instance else count
             elif (number, name) in shared_signals:
                 other, other_name = shared_signals[number, name]
-                same = all_instances[other].first
-                start = same.setdefault(other_name, count)
+                shared = all_instances[other].first
+                start = shared.setdefault(other_name, count)
             else:
                 start = count
             count = max(count, start + size)
@@ -269,9 +270,9 @@ def _signal_representatives(signals: Sequence[SignalJoint]) -> dict[tuple[int, s
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """Equations over local numbers: variables of the component and its connectors, then its parameters.
+    """Equations of a component over local numbers of its variables, those of its connectors, and its parameters.
 
-    `leaves` are the nodes of all variables, derivatives last, and then those of the entries of all parameters.
+    `leaves` are the nodes of all variables, derivatives last, followed by those of the entries of all parameters.
     """
 
     pool: Pool
@@ -311,8 +312,8 @@ _structural: Callable[..., tuple[str, ...]] = cache(_structural_names)
 def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
     """The template of a leaf component from the statements of one instance: equations, and assertions on parameters.
 
-    None for clauses, discrete equations, delays, and symbols of other components: a function given as structural value
-    may close over the parameters of the owner.
+    None for components with clauses, discrete equations, delays, or symbols of other components: a function that is
+    given as a structural value may close over the parameters of the owner.
     """
     number_of = numbers((instance, *instance.parts))
     for item, _ in found:
@@ -368,7 +369,7 @@ def replay(
 ) -> tuple[list[FlatEquation], list[FlatAssert]]:
     """The equations of `instance` in the pool of the model, and its assertions on parameters.
 
-    `values` gives the nodes of a parameter of an instance there.
+    `values` returns the nodes of a parameter of an instance in that pool.
     """
     numbers_of: list[int] = []
     for part in (instance, *instance.parts):

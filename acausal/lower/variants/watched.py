@@ -115,7 +115,7 @@ def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
         ]
         return " against ".join(reduced.text(n, _WIDTH) for n in inside)
 
-    unlocated = found.unlocated
+    unlocated = found.left
     texts = "; ".join(text_of(n) for n in unlocated[:_MOST_NAMED])
     more = f"; and {len(unlocated) - _MOST_NAMED} more" if len(unlocated) > _MOST_NAMED else ""
     total = len(unlocated) + len(found.watched)
