@@ -1,4 +1,4 @@
-"""What is given as a model is one."""
+"""Check of the argument `model` of public functions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from acausal.language.component import Component
 
 
 def check_model(model: Any) -> None:
-    """Raise UsageError AC028 for what is no component, such as its class."""
+    """Raise UsageError AC028 if `model` is not a component, but for example its class."""
     if not isinstance(model, Component):
         is_class = isinstance(model, type)
         fact = f"the class {model.__name__} is not a model yet" if is_class else f"{model!r} is not a model"

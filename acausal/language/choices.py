@@ -2,7 +2,7 @@
 
 A `Choice` is one structure that such a component can have, and is immutable. A run, or a model reduction, replaces one
 choice by the next and flattens the model with it (`flatten(model, choices=...)`). The component itself never changes,
-so that two runs of one model, also in two threads, are independent.
+so that several runs of one model are independent, even in different threads.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Choice(Protocol):
         ...
 
     def structure(self) -> Hashable:
-        """Key that is equal for choices with equal equations; data kept for later choices are not part of it."""
+        """Key that is equal for choices with equal equations; data for later choices are not part of it."""
         ...
 
     # Used by runs: acausal/simulate/restructure/restructure.py.
@@ -49,9 +49,9 @@ class Choice(Protocol):
         ...
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-        """How much of the validity of the choice is used up at n instants [1], shape (n,); from 1 on it may be wrong.
+        """Fraction of the validity of the choice that is used up at n instants, shape (n,); above 1 it may be wrong.
 
-        `before` holds values at the instant of the choice, `after` at the n instants.
+        `before` has the values at the instant of the choice, `after` those at the n instants.
         """
         ...
 
@@ -73,7 +73,7 @@ class Choice(Protocol):
         ...
 
     def apart(self) -> Sequence[tuple[str, str]]:
-        """(Name, reason) of everything left out."""
+        """(Name, reason) of everything that the choice leaves out."""
         ...
 
     def unsteady(self) -> Sequence[str]:
@@ -83,10 +83,10 @@ class Choice(Protocol):
 
 @runtime_checkable
 class Changing(Protocol):
-    """A component with a variable structure; without a choice it has everything it can need at one time."""
+    """A component with a variable structure; without a choice it contains everything that it may need at one time."""
 
     def is_variable(self) -> bool:
-        """Whether a run must change the structure, or becomes cheaper by changing it."""
+        """Whether a run must change the structure, or becomes cheaper if it does."""
         ...
 
     def whole(self) -> Choice:

@@ -37,7 +37,7 @@ from acausal.language.declarations.misuse import (
 )
 from acausal.language.declarations.parts import Outer, Parts, outer
 from acausal.language.expressions.expression import Expr, Symbol
-from acausal.language.statement import Ledger, Origin, Statement, recorded, refuse_lost, refuse_unheard
+from acausal.language.statement import Ledger, Origin, Statement, recorded, refuse_discarded_generators, refuse_lost
 from acausal.providers import Diagram, provided
 
 Equations = Iterator[Statement]
@@ -68,7 +68,7 @@ class Component(Owner):
     _prototypes: ClassVar[dict[str, Component]] = {}
     _outers: ClassVar[dict[str, Outer[Component]]] = {}
     _own_fields: ClassVar[tuple[str, ...]] = ()
-    """Names that the class body itself declares, anew or in place of an inherited part."""
+    """Names that the class body itself declares, new ones or in place of an inherited part."""
     _to_be_connected: ClassVar[tuple[str, ...]] = ()
     """Connectors that must be connected: the zero flow of an open one would determine flows of the component."""
     _parts: dict[str, Component | list[Any]]
@@ -81,12 +81,12 @@ class Component(Owner):
         for name, annotation in annotated.items():
             if name not in cls.__dict__ and not name.startswith("_") and "ClassVar" not in str(annotation):
                 value = "variable(...)" if "Real" in str(annotation) else "part()"
-                made = f"{name}: {'Real' if 'Real' in str(annotation) else annotation} = {value}"
+                signature = f"{name}: {'Real' if 'Real' in str(annotation) else annotation} = {value}"
                 raise DeclarationError(
                     "AC112",
                     f"{cls.__name__}.{name} is annotated but not declared",
                     where=field_span(cls, name),
-                    help=f"{made}, or ClassVar[...] for what is no field",
+                    help=f"{signature}, or ClassVar[...] if it is no field",
                 )
         for name, value in list(cls.__dict__.items()):
             if isinstance(value, Declaration | Component | Outer):
@@ -131,41 +131,41 @@ class Component(Owner):
                 evidence=[f"fields: {', '.join(self._declarations)}"],
                 help=f"{type(self).__name__}({first}=...)",
             )
-        own = self.__dict__
-        own["_values"] = {}
-        own["_symbols"] = {}
-        own["_parts"] = {}
-        own["_owner"] = None
-        own["_given"] = dict(given)
+        attributes = self.__dict__
+        attributes["_values"] = {}
+        attributes["_symbols"] = {}
+        attributes["_parts"] = {}
+        attributes["_owner"] = None
+        attributes["_given"] = dict(given)
         caller = sys._getframe(1)
-        own["_origin"] = Origin(caller.f_code, caller.f_lasti)
+        attributes["_origin"] = Origin(caller.f_code, caller.f_lasti)
         cls = type(self)
         for name in given:
             if name not in self._declarations:
                 raise unknown_field(cls, name)
         for name, around in self._outers.items():
-            own[name] = around.cls._stand_in(self, name)
+            attributes[name] = around.cls._stand_in(self, name)
         if cls._is_sized:
-            own["_declarations"] = self._sized()
+            attributes["_declarations"] = self._sized()
         for name, declaration in self._declarations.items():
             if name in given:
                 self._give(name, declaration, given[name])
             elif name in self._prototypes:
                 self._adopt(name, self._prototypes[name]._copy())
             elif declaration.kind is Kind.STRUCTURAL:
-                own[name] = self._decided(name, declaration)
+                attributes[name] = self._decided(name, declaration)
             elif declaration.kind is not Kind.PART and declaration.default is not None:
-                own["_values"][name] = self._declared(name, declaration)
-        own["_building"] = True
+                attributes["_values"][name] = self._declared(name, declaration)
+        attributes["_building"] = True
         self._build()
-        for name, parts in own["_parts"].items():
+        for name, parts in attributes["_parts"].items():
             if isinstance(parts, list):
-                self._adopt(name, parts)  # again, because `build` may have appended to the list
-        own["_building"] = False
-        if "_declarations" in own:
+                self._adopt(name, parts)  # once more, because `build` may have appended to the list
+        attributes["_building"] = False
+        if "_declarations" in attributes:
             self._refuse_resized()
         for name, declaration in self._declarations.items():
-            if declaration.kind is Kind.PART and name not in own["_parts"]:
+            if declaration.kind is Kind.PART and name not in attributes["_parts"]:
                 raise DeclarationError(
                     "AC114",
                     f"{cls.__name__}: part '{name}' was not made",
@@ -210,17 +210,17 @@ class Component(Owner):
         """Refuse structural values set in `build` if they change shapes, which the start values no longer match."""
         cls = type(self)
         for name, declaration in cls._declarations.items():
-            made = self._declarations[name].shape
-            if declaration.sized is not None and checked_shape(declaration.sized(self)) != made:
+            declared_shape = self._declarations[name].shape
+            if declaration.sized is not None and checked_shape(declaration.sized(self)) != declared_shape:
                 raise DeclarationError(
                     "AC105",
-                    f"{cls.__name__}.{name} has another shape after `build` than before, when it was {made}",
+                    f"{cls.__name__}.{name} has another shape after `build` than before, when it was {declared_shape}",
                     where=declared_at(cls, name),
                     help="give the structural value that it follows from to the constructor, or as a default",
                 )
 
     def _build(self) -> None:
-        """Run `build`; statements made in it are recorded in `_stated`, and must be yielded by a generator later."""
+        """Run `build`; statements made in it are recorded in `_stated`, and a generator must yield them later."""
         cls, ledger = type(self), Ledger()
         self.__dict__["_stated"] = ledger
         build = getattr(self, "build", None)
@@ -230,14 +230,14 @@ class Component(Owner):
         try:
             with recorded(ledger), collector_paused():
                 returned = called(where, "def build(self) -> None", build)
-            refuse_unheard(cls, where, build)
+            refuse_discarded_generators(cls, where, build)
             if inspect.isgenerator(returned):
                 raise DeclarationError(
                     "AC129",
                     f"{where} yields",
                     where=declared_at(cls, "build"),
-                    cause="`build` makes the parts; what is stated about them is yielded by `equations`",
-                    help="move what is yielded into `def equations(self) -> Equations`",
+                    cause="`build` makes the parts; statements about them are yielded by `equations`",
+                    help="move the `yield` statements into `def equations(self) -> Equations`",
                 )
             if not any(hasattr(cls, name) for name in STATING):
                 refuse_lost(where, ledger)
@@ -408,7 +408,7 @@ class Component(Owner):
             path = self._path_to(name)
             raise DeclarationError(
                 "AC187",
-                f"`{path}` is not known yet: what is around a component is known when the model is flattened",
+                f"`{path}` is not known yet: the surroundings of a component are known when the model is flattened",
                 help=f"in `build` and in defaults take quantities of `{path.rpartition('.')[0]}` only; `equations` may "
                 "read everything",
             )
@@ -426,7 +426,7 @@ class Component(Owner):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the constructor arguments only, as `build` may have created functions; a view pickles its original.
 
-        A part of another component keeps its path, by which pickled equations name it.
+        A part of another component keeps its path, because pickled equations refer to it by that.
         """
         if "_seen" in self.__dict__:
             return dict.__getitem__, ({0: self.__dict__["_seen"]}, 0)
@@ -563,7 +563,7 @@ def _check_name(cls: type[Component], name: str, value: Declaration | Component 
             "AC125",
             f"{cls.__name__}.{name}: a field cannot have this name",
             where=field_span(cls, name),
-            cause=_RESERVED.get(name, "names with _ in front are no fields"),
+            cause=_RESERVED.get(name, "names that begin with _ are no fields"),
             help="choose another name",
         )
     for base in cls.__mro__[1:]:
@@ -582,7 +582,7 @@ def _check_name(cls: type[Component], name: str, value: Declaration | Component 
 
 
 def _clash(base: type[Component], name: str, value: object) -> tuple[str, str] | None:
-    """Why a field cannot be declared again, and what to do; None for a part that replaces one of the declared class."""
+    """(Cause, remedy) if a field cannot be declared again; None for a part that replaces one of the declared class."""
     inherited = base._prototypes.get(name)
     if inherited is None or isinstance(inherited, Connector) or not isinstance(value, Component):
         return "", ""
@@ -590,5 +590,5 @@ def _clash(base: type[Component], name: str, value: object) -> tuple[str, str] |
     if issubclass(given, wanted):
         return None
     common = next(c for c in given.__mro__ if isinstance(inherited, c)).__name__
-    remedy = f"declare it in {base.__name__} as what both are: {name}: {common} = ..." if common != "Component" else ""
+    remedy = f"declare it in {base.__name__} as their base: {name}: {common} = ..." if common != "Component" else ""
     return f"{base.__name__}.{name} is declared as {wanted.__name__}, {given.__name__} is none", remedy

@@ -1,7 +1,7 @@
-"""Statements about events: `when` a condition becomes true, `reset`, `terminate`; and `assert_`, which holds always.
+"""Statements about events: `when`, `reset` and `terminate`; and `assert_` for conditions that must always hold.
 
-Semantics as in the Modelica language 3.6, chapter 8: a `when` acts at the instant its condition turns from false to
-true, all its actions use the values from before, and relations are evaluated again afterwards.
+Semantics as in the Modelica language 3.6, chapter 8: a `when` acts at the instant at which its condition turns from
+false to true, all its actions use the values from before, and relations are evaluated again afterwards.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from acausal.language.statement import Statement, made, used
 
 @dataclass(frozen=True)
 class Reset:
-    """Assignment of a new value to a state or discrete variable; or to a velocity, by the impulse of a force."""
+    """Assignment of a new value to a state or discrete variable, or to a velocity by the impulse of a force."""
 
     target: Expr
     value: Expr
@@ -81,7 +81,7 @@ class When(Statement):
         return ".".join([own, *map(str, self.branches)])
 
     def elsewhen(self, condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
-        """This `when` with a further branch, which acts when its condition becomes true and no earlier one does then.
+        """This `when` with another branch, which acts when its condition becomes true and no earlier one does so too.
 
         Branches need not set the same variables: a variable that a branch does not set keeps its value. Source:
         Modelica language specification 3.6, section 8.3.5.2.
@@ -110,7 +110,7 @@ class Assertion(Statement):
 
 
 def when(condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
-    """Do `actions` at every instant at which `condition`, or one of several, becomes true.
+    """Perform `actions` at every instant at which `condition`, or one of several, becomes true.
 
     `.elsewhen(other, ...)` adds branches; if several conditions become true at one instant, the first branch acts.
 
@@ -150,11 +150,11 @@ def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
     x
         A declared variable, an element or a slice of one; with `by`, any scalar expression of velocities.
     value
-        Of the shape of `x`, or one number for all of a vector.
+        Of the shape of `x`, or one number for all elements of a vector.
     by
         A discrete variable that acts as a force in the equations. Its impulse gives `x` the new value: all velocities
-        that the force acts on jump, as determined by the masses of the model, and constraints continue to hold. The
-        value of the variable itself does not change; usually it is zero.
+        on which the force acts jump, as determined by the masses of the model, and constraints continue to hold. The
+        value of the variable itself, usually zero, does not change.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def reset(x: Expr, value: Operand, *, by: Expr | None = None) -> Reset:
         raise DeclarationError(
             "AC141",
             f"`{x}` cannot be reset: it is {kind}",
-            help="declare what changes at events with discrete(), boolean() or integer()",
+            help="declare variables that change at events with discrete(), boolean() or integer()",
         )
     new = as_expr(value)
     if len(x.shape) == 1 and not new.shape:
@@ -206,7 +206,7 @@ def _check_force(x: object, by: object) -> None:
     ):
         raise DeclarationError(
             "AC141",
-            f"`{by}` is no force that could act for an instant",
+            f"`{by}` is no force that can act for an instant",
             help="declare one, hit: Real = discrete(unit='N'), and add it to the forces of the equations",
         )
 
@@ -222,14 +222,14 @@ def assert_(condition: Expr, message: str, *, level: str = "error") -> Assertion
     Parameters
     ----------
     message
-        Text for the user when the condition does not hold.
+        Text for the user if the condition does not hold.
     level
         `"error"` stops the run when the condition ceases to hold, `"warning"` adds a note to the result.
 
     Raises
     ------
     DeclarationError
-        AC108 when `condition` is no condition, AC149 for a message that is no text, or an unknown level.
+        AC108 when `condition` is no condition, AC149 for a message that is not a text, or an unknown level.
     """
     if level not in ("error", "warning"):
         raise DeclarationError("AC149", f"assert_ has no level {level!r}", help='it is "error" or "warning"')

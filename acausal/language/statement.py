@@ -1,10 +1,10 @@
-"""Base class of statements, and detection of statements that are made and not yielded.
+"""Base class of statements, and detection of statements that are made but not yielded.
 
-`connect(a, b)` and `a == b` are values: made and not yielded they would be lost, and the model would run without them.
-Each statement therefore enters the ledger of the running method when it is made, and leaves it when it is yielded or
-becomes part of another one; an error is raised for those left at the end.
+`connect(a, b)` and `a == b` are values. If one is made but not yielded, it is lost, and the model would run without it.
+Each statement is therefore added to the ledger of the running method when it is made, and removed when it is yielded or
+becomes part of another one; an error is raised for those that remain at the end.
 
-A place is stored as `(code, lasti)`, two words; line and columns are looked up only for a message.
+A place in the source is stored as `(code, lasti)`, two words; line and columns are looked up only for a message.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from acausal.errors import DeclarationError, Span
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A resolved place: the pickled form of an `Origin`, since code objects cannot be pickled."""
+    """A place with its line and columns: the pickled form of an `Origin`, since code objects cannot be pickled."""
 
     place: Span
 
@@ -59,20 +59,20 @@ class Origin:
 
 
 Ledger = dict[int, tuple[object, Origin]]
-"""(Statement, place) by `id`; holding the statements keeps their ids unique."""
+"""(Statement, place) by `id`; references to the statements keep their ids unique."""
 
-# The ledger of the running method; a context variable, so that models can be made in several threads at a time.
+# The ledger of the running method; a context variable, so that models can be made in several threads at the same time.
 RECORDING: ContextVar[Ledger | None] = ContextVar("statements", default=None)
 
 
 class Statement:
-    """What `equations`, `initial_equations` and `ties` may yield: an equation, a connection, a `when`, ..."""
+    """Base of everything that `equations`, `initial_equations` and `ties` may yield: equations, connections, `when`."""
 
     __slots__ = ()
 
 
 def made(item: object) -> None:
-    """Enter a statement, or an action of a `when`, in the ledger of the running method."""
+    """Add a statement, or an action of a `when`, to the ledger of the running method."""
     ledger = RECORDING.get()
     if ledger is not None:
         frame: FrameType | None = sys._getframe(2)
@@ -83,7 +83,7 @@ def made(item: object) -> None:
 
 
 def used(items: Iterable[object]) -> None:
-    """Remove items from the ledger that have become part of another statement."""
+    """Remove items that have become part of another statement from the ledger."""
     ledger = RECORDING.get()
     if ledger is not None:
         for item in items:
@@ -101,7 +101,7 @@ def recorded(ledger: Ledger) -> Iterator[None]:
 
 
 def refuse_lost(where: str, ledger: Ledger) -> None:
-    """Refuse statements that were made and not yielded (AC186); `where` is the class and its method."""
+    """Refuse statements that were made but not yielded (AC186); `where` is the class and its method."""
     if not ledger:
         return
     lost = list(ledger.values())
@@ -112,8 +112,8 @@ def refuse_lost(where: str, ledger: Ledger) -> None:
         "AC186",
         f"{where} makes `{item}`{more} and does not yield it",
         where=[o.span() for _, o in lost[:3]],
-        cause="it would be lost: the model knows only what is yielded",
-        help="an action stands in a `when` that is yielded: yield when(condition, reset(x, value))"
+        cause="it would be lost: only yielded statements are part of the model",
+        help="an action belongs in a `when` that is yielded: yield when(condition, reset(x, value))"
         if not isinstance(item, Statement)
         else f"yield it in `equations`: yield {item}"
         if in_build
@@ -121,18 +121,18 @@ def refuse_lost(where: str, ledger: Ledger) -> None:
     )
 
 
-def refuse_unheard(cls: type, where: str, function: Callable[..., Any]) -> None:
-    """Refuse `self.method()` alone on a line when the method is a generator, which then never runs (AC186)."""
+def refuse_discarded_generators(cls: type, where: str, function: Callable[..., Any]) -> None:
+    """Refuse `self.method()` alone on a line if the method is a generator, which then never runs (AC186)."""
     code = getattr(function, "__code__", None)
     if code is None:
         return
-    suspects = tuple(n for n in code.co_names if _yields(cls, function, n))
-    for line, text in _ignored_calls(code, suspects) if suspects else ():
+    generators = tuple(n for n in code.co_names if _yields(cls, function, n))
+    for line, text in _ignored_calls(code, generators) if generators else ():
         raise DeclarationError(
             "AC186",
-            f"{where} calls `{text}` and does not yield what it states",
+            f"{where} calls `{text}` and does not yield its statements",
             where=(Span(code.co_filename, line),),
-            cause="a generator that nobody asks states nothing",
+            cause="a generator does not run until its statements are requested",
             help=f"yield from {text}",
         )
 

@@ -161,7 +161,7 @@ def test_lowering_calls_the_function_once(function: External) -> None:
     operands = [pool.var(k) for k in range(12)]
     x = ca.SX.sym("x", 12)
     builder = Builder(pool, ca.SX(0), ca.SX(0, 1), {})
-    builder.know(range(12), x)
+    builder.assign(range(12), x)
     lowered = builder.lower([pool.make(Call(function, k), *operands) for k in range(4)])
     f = ca.Function("f", [x], lowered)
     calls = sum(f.instruction_id(k) == ca.OP_CALL for k in range(f.n_instructions()))

@@ -18,7 +18,7 @@ def lowered(pool: Pool, roots: list[int], definitions: dict[int, int] | None = N
     """Values of the roots by a CasADi function, with variable k = 0.3 + 0.1*k, parameter k = k + 2 and time 0.7."""
     t, p, x = ca.SX.sym("t"), ca.SX.sym("p", 3), ca.SX.sym("x", N)
     builder = Builder(pool, t, p, {})
-    builder.know(range(N), x)
+    builder.assign(range(N), x)
     builder.definitions.update(definitions or {})
     function = ca.Function("f", [t, x, p], [builder.column(roots), ca.vertcat(*builder.lower(roots))])
     column, single = function(0.7, 0.3 + 0.1 * np.arange(N), 2.0 + np.arange(3))
@@ -70,7 +70,7 @@ def test_a_boolean_variable_is_true_from_one_half_on() -> None:
     roots += [pool.make("not", off), pool.make("and", on, on), pool.make("or", off, off)]
     builder = Builder(pool, ca.SX(0), ca.SX(0, 1), {})
     x = ca.SX.sym("x", 2)
-    builder.know(range(2), x)
+    builder.assign(range(2), x)
     found = ca.Function("f", [x], [ca.vertcat(*builder.lower(roots))])([1e-20, 1 - 1e-12])
     assert np.array(found).ravel().tolist() == [7.0, 5.0, 1.0, 1.0, 0.0]
 

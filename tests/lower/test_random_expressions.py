@@ -106,7 +106,7 @@ def lowered(pool: Pool, nodes: list[int], count: int) -> Any:
     """CasADi function of the first `count` variables."""
     x = ca.SX.sym("x", count)
     builder = Builder(pool, ca.SX(0), ca.SX(0, 1), {})
-    builder.know(range(count), x)
+    builder.assign(range(count), x)
     return ca.Function("f", [x], [builder.column(nodes)])
 
 

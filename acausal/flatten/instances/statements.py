@@ -22,7 +22,7 @@ from acausal.language.events import Assertion, When
 from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.dimensions import check_dimensions
 from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_condition, nodes
-from acausal.language.statement import RECORDING, Ledger, Origin, refuse_lost, refuse_unheard
+from acausal.language.statement import RECORDING, Ledger, Origin, refuse_discarded_generators, refuse_lost
 
 Statement = tuple[Any, Origin]
 _COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVERT"))
@@ -64,7 +64,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
             where=(Span(function.__code__.co_filename, function.__code__.co_firstlineno),),
             help="every equation needs a `yield`: yield left == right",
         )
-    refuse_unheard(type(component), f"{cls}.{method}", function)
+    refuse_discarded_generators(type(component), f"{cls}.{method}", function)
     _refuse_idle(f"{cls}.{method}", function)
     ledger, found = Ledger(), list[Statement]()
     for item, origin in _stepped(component, generator, ledger):

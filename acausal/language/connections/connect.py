@@ -29,13 +29,13 @@ class Connection(Statement):
 
 
 def connect(first: Connectable, second: Connectable, *more: Connectable) -> Connection:
-    """Connect connectors of one type, or one signal output with signal inputs; also elements of vectors: `self.u[2]`.
+    """Connect connectors of one type, or a signal output with signal inputs, including elements such as `self.u[2]`.
 
     Raises
     ------
     DeclarationError
         AC120 when the ends are of different types, AC121 when an end is neither connector nor signal, AC186 outside of
-        the methods of a component, where nobody would hear of the connection.
+        the methods of a component, where the connection would be lost.
     UnitError
         AC154 when connected signals have different dimensions.
     """
@@ -56,14 +56,14 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             "AC120",
             f"cannot connect {shown}",
             cause="a connection joins connectors of one type",
-            help="look for a component that has both connectors and put it between",
+            help="put a component that has both connectors between them",
         )
     twice = next((e for k, e in enumerate(ends) if any(_is_same(e, other) for other in ends[:k])), None)
     if twice is not None:
         raise DeclarationError(
             "AC121",
             f"{_name(twice)} is connected with itself",
-            help="name the other end; connecting states nothing here",
+            help="name the other end; a connection with itself has no effect",
         )
     if isinstance(first, Expr):
         _check_signals(ends)  # type: ignore[arg-type]
@@ -72,7 +72,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
         raise DeclarationError(
             "AC186",
             f"`{connection}` is made outside of a component's `equations`",
-            cause="it would be lost: a model knows only what its methods yield",
+            cause="it would be lost: only statements that methods of components yield are part of a model",
             help="yield it in the `equations` of a component that has both ends, or of a class derived from it",
         )
     return connection
@@ -99,30 +99,30 @@ def signal_of(end: Expr) -> Symbol:
 def _check_signals(ends: tuple[Expr, ...]) -> None:
     first, declared = ends[0], signal_of(ends[0]).declaration
     for end in ends:
-        own = signal_of(end).declaration
-        if own.kind not in (Kind.INPUT, Kind.OUTPUT):
+        attributes = signal_of(end).declaration
+        if attributes.kind not in (Kind.INPUT, Kind.OUTPUT):
             owner = signal_of(end).owner
             signals = [n for n, d in type(owner)._declarations.items() if d.kind in (Kind.INPUT, Kind.OUTPUT)]
             raise DeclarationError(
                 "AC121",
-                f"`{end}` is a {own.kind.value}, not a signal",
+                f"`{end}` is a {attributes.kind.value}, not a signal",
                 evidence=[f"signals of {type(owner).__name__}: {', '.join(signals[:6])}"] if signals else [],
-                help="only signal_input and signal_output are connected; write an equation for anything else",
+                help="only signal_input and signal_output can be connected; write an equation for anything else",
             )
         if end.shape != first.shape:
             raise DeclarationError(
                 "AC105",
                 f"`{first}` ({shape_text(first.shape)}) and `{end}` ({shape_text(end.shape)}) cannot be connected",
-                help="signals that are connected have one shape",
+                help="connected signals have the same shape",
             )
-        if own.boolean != declared.boolean:
+        if attributes.boolean != declared.boolean:
             on, number = (first, end) if declared.boolean else (end, first)
             raise DeclarationError(
                 "AC147",
-                f"`{on}` is true or false, `{number}` is a number: they cannot be connected",
+                f"`{on}` is boolean, `{number}` is a number: they cannot be connected",
                 help="put a BooleanToReal or a GreaterThreshold of acausal.library.blocks between them",
             )
-        a, b = declared.unit, own.unit
+        a, b = declared.unit, attributes.unit
         if a and b and parse(a).dimension != parse(b).dimension:
             raise UnitError(
                 "AC154",
@@ -140,7 +140,7 @@ def _check_signals(ends: tuple[Expr, ...]) -> None:
 
 
 def _type_name(end: Connector | Expr, kinds: set[type]) -> str:
-    """Class name of an end, with its library where classes of the same name are connected."""
+    """Class name of an end, with its library if classes of the same name are connected."""
     cls = type(end)
     if sum(kind.__name__ == cls.__name__ for kind in kinds) == 1:
         return "signal" if isinstance(end, Expr) else cls.__name__

@@ -18,14 +18,14 @@ def free(model: C, *signals: str) -> C:
     ----------
     signals
         Paths of signal inputs inside the model: `free(ThickBlock(), "force.u", "speed.w_ref")`. The connection, binding
-        or owner's equation that drove them is removed; the source stays in the model without effect. Units and limits
-        are those declared by the input.
+        or equation of the owner that drove them is removed; the source remains in the model without effect. Units and
+        limits are those that the input declares.
 
     Raises
     ------
     UsageError
-        AC028 for a `model` that is no component, AC047 without signals, or for one named twice; when the model is
-        flattened, for a name that is no input.
+        AC028 if `model` is not a component, AC047 without signals, or for one named twice; when the model is flattened,
+        AC047 for a name that is not an input.
     """
     check_model(model)
     if not signals or not all(isinstance(s, str) for s in signals):

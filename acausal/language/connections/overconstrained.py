@@ -1,8 +1,8 @@
 """Overconstrained connectors: declarations from which the flattener builds a spanning tree over frames.
 
-A rotation matrix has nine entries and three degrees of freedom, so a closed loop of frames would state six equations
-too many. As in the Modelica language (3.6, section 9.4), components declare the relations between their frames; the
-flattener cuts each loop at one connection, which gets three equations instead of nine.
+A rotation matrix has nine entries and three degrees of freedom, so that a closed loop of frames would have six
+equations too many. As in the Modelica language (3.6, section 9.4), components declare the relations between their
+frames. The flattener cuts each loop at one connection, which gets three equations instead of nine.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Tie(Statement):
 
 @dataclass(frozen=True)
 class Branch(Tie):
-    """A relation between two connectors of one component; never cut."""
+    """A relation between two connectors of one component, which is never cut."""
 
     a: Connector
     b: Connector
@@ -32,14 +32,14 @@ class Branch(Tie):
 
 @dataclass(frozen=True)
 class Root(Tie):
-    """The connector's orientation is known absolutely."""
+    """The absolute orientation of the connector is known."""
 
     a: Connector
 
 
 @dataclass(frozen=True)
 class PotentialRoot(Tie):
-    """The connector becomes a root when its island has none; the smallest priority number first."""
+    """The connector becomes the root if its island has none; the smallest priority number comes first."""
 
     a: Connector
     priority: int = 0
@@ -62,22 +62,22 @@ def potential_root(a: Connector, priority: int = 0) -> PotentialRoot:
 
 def _role(connector: Connector, key: str) -> bool:
     if not isinstance(connector, Connector):
-        raise DeclarationError("AC121", f"`{connector}` is no connector", help="ask for a frame of the component")
+        raise DeclarationError("AC121", f"`{connector}` is no connector", help="give a frame of the component")
     roles: dict[str, bool] | None = connector.__dict__.get("_roles")
     if roles is None:
         raise DeclarationError(
             "AC122",
             f"the place of {connector._path_to('').rstrip('.')} in the tree of frames is not known yet",
-            help="ask rooted() and is_root() inside equations(), and declare branch(), root() in ties()",
+            help="call rooted() and is_root() inside equations(), and declare branch(), root() in ties()",
         )
     return roles[key]
 
 
 def is_root(connector: Connector) -> bool:
-    """True when the flattener made this connector the root of its island; for use in `equations`."""
+    """True if the flattener has made this connector the root of its island; for use in `equations`."""
     return _role(connector, "is_root")
 
 
 def rooted(connector: Connector) -> bool:
-    """True when `connector` is closer to the root than its partner in the branch; for use in `equations`."""
+    """True if `connector` is closer to the root than its partner in the branch; for use in `equations`."""
     return _role(connector, "rooted")

@@ -42,13 +42,13 @@ Start = Fixed | Guess
 class Declaration:
     """Attributes of one declared name, except its value.
 
-    `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a
-    `Fixed` or a `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False.
-    `hint` is printed when the compiler cannot determine the variable. Above the value `monotone_above` the residual of
-    the equation for the variable is monotone and convex or concave in it: where it is nonlinear, the compiler solves it
-    inside the equations by a safeguarded Newton iteration instead of leaving an algebraic variable. A `discrete`
-    variable is constant between events; `boolean` ones are true or false, `integer` ones whole numbers. Where `sized`
-    is a function of the instance, each instance has its own declaration with the shape that it returns.
+    `default` is a number, a nested tuple, a function of the instance (`lambda self: sin(self.sigma)`), a `Fixed` or a
+    `Guess`, or None. `prefer_state` ranks candidates for states: True before undeclared before False. `hint` is printed
+    if the compiler cannot determine the variable. `monotone_above` promises that the residual of the equation for the
+    variable is monotone and convex or concave above this value: if the equation is nonlinear, the compiler then solves
+    it inside the equations by a safeguarded Newton iteration instead of leaving an algebraic variable. A `discrete`
+    variable is constant between events; `boolean` ones are true or false, `integer` ones whole numbers. If `sized` is a
+    function of the instance, each instance has its own declaration with the shape that it returns.
     """
 
     kind: Kind
@@ -69,7 +69,7 @@ class Declaration:
     sized: Callable[[Any], Any] | None = None
 
     def of_shape(self, shape: tuple[int, ...]) -> Declaration:
-        """This declaration with a shape returned by `sized`; one object shared by all instances of that shape."""
+        """This declaration with a shape returned by `sized`; all instances of that shape share one object."""
         by_shape: dict[tuple[int, ...], Declaration] = self.__dict__.setdefault("_made", {})
         sized_declaration = by_shape.get(shape)
         if sized_declaration is None:
@@ -79,7 +79,7 @@ class Declaration:
         return sized_declaration
 
     def belongs_to(self, cls: type[Owner], name: str) -> None:
-        """Store the class that declares it: like a class, a declaration is pickled by name."""
+        """Store the class that declares it, because a declaration is pickled by name, like a class."""
         object.__setattr__(self, "_home", (cls, name))
 
     def __reduce__(self) -> Any:
@@ -101,7 +101,7 @@ class Owner:
     _is_sized: ClassVar[bool] = False
 
     def _path_to(self, name: str) -> str:
-        """Path of a field from the outermost owner, for messages; for a pickled part from its former owner."""
+        """Path of a field from the outermost owner, for messages; a part that was pickled keeps its former path."""
         names = [name]
         component: Owner = self
         while component.__dict__["_owner"] is not None:

@@ -31,7 +31,7 @@ Sizes = Shape | int | Callable[[Any], Shape | int]
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 # Names of the argument `default` in other tools, for a hint.
-_DEFAULT = ("start", "value", "init", "initial", "fixed", "guess")
+_NAMES_OF_DEFAULT = ("start", "value", "init", "initial", "fixed", "guess")
 
 
 _TYPES: dict[str, tuple[tuple[type, ...], str]] = {
@@ -41,7 +41,7 @@ _TYPES: dict[str, tuple[tuple[type, ...], str]] = {
     "prefer_state": ((bool, NoneType), "True or False"),
     "overconstrained": ((bool,), "True or False"),
 }
-"""What arguments of declarations have to be: types, and how they are called."""
+"""Types of the arguments of declarations, and their description in messages."""
 
 
 def _by_keyword(function: Function) -> Function:
@@ -74,13 +74,13 @@ def _check_argument(kind: str, name: str, value: Any) -> None:
 
 
 def _wrong_argument(kind: str, names: list[str], wrong: str) -> DeclarationError:
-    takes = f"{kind} takes {', '.join(names)}"
+    accepted = f"{kind} takes {', '.join(names)}"
     if not wrong:
-        return DeclarationError("AC110", f"{kind} takes its arguments by name", where=calling_span(), help=takes)
-    advice = f"did you mean {', '.join(close)}? {takes}" if (close := nearest(wrong, names)) else takes
-    if wrong in _DEFAULT and "default" in names:
+        return DeclarationError("AC110", f"{kind} takes its arguments by name", where=calling_span(), help=accepted)
+    advice = f"did you mean {', '.join(close)}? {accepted}" if (close := nearest(wrong, names)) else accepted
+    if wrong in _NAMES_OF_DEFAULT and "default" in names:
         starts = kind in ("variable", "signal_output")
-        advice = f"write {'default=fixed(...) or default=guess(...)' if starts else 'default=...'}; {takes}"
+        advice = f"write {'default=fixed(...) or default=guess(...)' if starts else 'default=...'}; {accepted}"
     return DeclarationError("AC110", f"{kind} has no argument '{wrong}'", where=calling_span(), help=advice)
 
 
@@ -104,7 +104,7 @@ def _declare(kind: Kind, *, unit: str, shape: Sizes = (), **rest: Any) -> Any:
         )
     if not 0.0 < nominal < math.inf:
         raise DeclarationError(
-            "AC110", f"nominal={nominal:g} is no magnitude", help="give the usual size of the variable: nominal=1e-3"
+            "AC110", f"nominal={nominal:g} is no magnitude", help="give the typical size of the variable: nominal=1e-3"
         )
     return Declaration(kind, unit=unit, **_sizes(shape), **rest)
 
@@ -202,8 +202,8 @@ def checked_shape(shape: Shape | int, owner: str = "") -> Shape:
         raise DeclarationError(
             "AC105",
             f"{owner + ': ' if owner else ''}shape={shape!r} is no shape",
-            help="shape=3 declares a vector, shape=(3, 3) a matrix, shape=lambda self: self.n a vector as long as the "
-            "structural n says; leave it out for a scalar",
+            help="shape=3 declares a vector, shape=(3, 3) a matrix, shape=lambda self: self.n a vector whose length is "
+            "the structural n; leave it out for a scalar",
         )
     return tuple(sizes)
 
@@ -260,7 +260,7 @@ def parameter(
     min: float = -math.inf,
     max: float = math.inf,
 ) -> Any:
-    """A value constant over a run; a symbol to the compiler, so that changing it never recompiles.
+    """A value that is constant during a run. It is a symbol to the compiler: a new value needs no recompilation.
 
     `default` may be a function of the instance: `parameter(default=lambda self: self.d / 2)`.
     """
@@ -269,7 +269,7 @@ def parameter(
 
 @_by_keyword
 def structural(*, default: Any = None, doc: str = "") -> Any:
-    """A Python value (int, bool, str, tuple, function) that decides the equations; changing it recompiles."""
+    """A Python value (int, bool, str, tuple, function) on which the equations depend; a new value recompiles."""
     return Declaration(Kind.STRUCTURAL, doc=doc, default=default)
 
 
@@ -308,7 +308,7 @@ class Real:
             path = instance._path_to(self.name)
             raise DeclarationError(
                 "AC187",
-                f"`{path}` is not known yet: its shape is known when the component around it is",
+                f"`{path}` is not known yet: its shape is known once the component around it is",
                 help="read it in `equations` only, not in `build`, in defaults and in other shapes",
             )
         return declaration
@@ -389,12 +389,12 @@ def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
         if not known and not all(is_condition(e) or is_truth(e) or _is_choice(e) for e in parts):
             raise DeclarationError(
                 "AC147",
-                f"{name} is true or false, `{value}` is a number",
+                f"{name} is boolean, `{value}` is a number",
                 help="write a relation such as x > 0, or True or False",
             )
     elif declaration.integer and value.op == "const" and not all(float(v).is_integer() for v in numbers):
         raise DeclarationError(
-            "AC147", f"{name} is an integer, `{value}` is not", help="a number that is not whole goes into discrete()"
+            "AC147", f"{name} is an integer, `{value}` is not", help="declare it with discrete() for other numbers"
         )
 
 

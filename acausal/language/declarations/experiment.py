@@ -13,8 +13,9 @@ class Experiment:
     """Default run of a model: `experiment = Experiment(stop_time=40.0)` in the class body.
 
     `stop_time`, `start_time`, `output_interval`, `step` and `max_step` are in seconds; `output_interval` None gives 500
-    intervals; `tolerance` is the relative tolerance; `solver` is a solver's name or "auto"; `step` is the size of a
-    fixed step, `max_step` the largest step of an adaptive solver, which bounds the duration of what it can overlook.
+    intervals; `tolerance` is the relative tolerance; `solver` is the name of a solver or "auto"; `step` is the size of
+    a fixed step; `max_step` is the largest step of an adaptive solver, which cannot overlook anything that lasts
+    longer.
     """
 
     stop_time: float = 1.0

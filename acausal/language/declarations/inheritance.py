@@ -13,25 +13,25 @@ from acausal.language.declarations.parts import Outer
 def inherited_fields(cls: type[Owner]) -> tuple[dict[str, Declaration], dict[str, Any], dict[str, Outer[Any]]]:
     """Declarations, prototypes of parts, and outers of the bases of `cls`, by name.
 
-    Of a part that two bases replace, the one counts that comes first among the bases, unless it was replaced by a class
-    derived from that base: as with methods. Merging the bases one by one would let a base that replaces nothing bring
-    back the part of its own base.
+    If two bases replace a part, that of the first base counts, unless a class derived from that base replaces it, as
+    with methods. Merging the bases one by one would be wrong: a base that replaces nothing would bring back the part of
+    its own base.
 
     Raises
     ------
     DeclarationError
-        AC126 when two bases that have no common base with that name declare one differently. Equal declarations are
-        one field, as in Modelica (language specification 3.6, section 7.1).
+        AC126 when two bases declare a name differently and have no common base with it. Equal declarations are one
+        field, as in Modelica (language specification 3.6, section 7.1).
     """
     prototypes: dict[str, Any] = {}
     outers: dict[str, Outer[Any]] = {}
     declarations: dict[str, Declaration] = {}
     fields: tuple[dict[str, Any], ...] = prototypes, outers, declarations
-    first: dict[str, type[Owner]] = {}
+    first_declaring: dict[str, type[Owner]] = {}
     bases = [base for base in cls.__mro__[:0:-1] if issubclass(base, Owner)]
     for base in bases:
         for name in base.__dict__.get("_own_fields", ()):
-            origin = first.setdefault(name, base)
+            origin = first_declaring.setdefault(name, base)
             if not issubclass(base, origin) and not _agree(base, origin, name):
                 raise DeclarationError(
                     "AC126",
@@ -40,12 +40,12 @@ def inherited_fields(cls: type[Owner]) -> tuple[dict[str, Declaration], dict[str
                     cause="their equations would share one quantity, with the unit and the default of one of them",
                     help=f"rename one of them, declare both alike, or declare {name} in a common base of the two",
                 )
-            for own, found in zip(_HELD, fields, strict=True):
-                of_base = getattr(base, own)
+            for table, fields_by_name in zip(_FIELD_TABLES, fields, strict=True):
+                of_base = getattr(base, table)
                 if name in of_base:
-                    found[name] = of_base[name]
+                    fields_by_name[name] = of_base[name]
                 else:
-                    found.pop(name, None)
+                    fields_by_name.pop(name, None)
     return declarations, prototypes, outers
 
 
@@ -53,15 +53,15 @@ def _agree(one: type[Owner], other: type[Owner], name: str) -> bool:
     """Whether two classes declare a field alike, except for its description and hints to the compiler."""
     found: list[tuple[object, ...]] = []
     for cls in (one, other):
-        part, around, declared = (getattr(cls, held).get(name) for held in _HELD)
+        part, around, declared = (getattr(cls, held).get(name) for held in _FIELD_TABLES)
         if part is not None:
             found.append((type(part), repr(part)))
         elif around is not None:
             found.append((around.cls,))
         else:
-            found.append(tuple(repr(getattr(declared, key)) for key in _MEANING))
+            found.append(tuple(repr(getattr(declared, key)) for key in _COMPARED))
     return found[0] == found[1]
 
 
-_HELD = ("_prototypes", "_outers", "_declarations")
-_MEANING = "kind unit shape sized default min max overconstrained discrete boolean integer".split()  # noqa: SIM905
+_FIELD_TABLES = ("_prototypes", "_outers", "_declarations")
+_COMPARED = "kind unit shape sized default min max overconstrained discrete boolean integer".split()  # noqa: SIM905

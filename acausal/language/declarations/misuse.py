@@ -1,4 +1,4 @@
-"""Detection of common errors in class bodies: own `__init__`, hidden fields, wrong signatures, endless recursion."""
+"""Detection of common errors in class bodies: an `__init__`, hidden fields, wrong signatures, endless recursion."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def own_constructor(cls: type[Owner]) -> DeclarationError | None:
         where=()
         if code is None or code.co_filename.startswith("<")
         else (Span(code.co_filename, code.co_firstlineno),),
-        cause="fields are given to the constructor by name; it is made by acausal",
+        cause="acausal makes the constructor, which takes the fields by name",
         help="declare the arguments as parameter(...) or structural(...), and make parts in `build`",
     )
 
@@ -55,7 +55,7 @@ def own_constructor(cls: type[Owner]) -> DeclarationError | None:
 def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: object) -> None:
     """Refuse class attributes that only look like fields (AC112): `mass: Mass = Mass`, `k: Real = 2.0`.
 
-    An experiment under another name would be heard by nobody.
+    An experiment under another name is refused, too, because it would be ignored.
     """
     if (name == "experiment") is not isinstance(value, Experiment):
         raise DeclarationError(
@@ -72,7 +72,7 @@ def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: ob
             f"{name}: {value.__name__} = {value.__name__}(...)",
         )
     elif getattr(annotation, "__name__", annotation) in ("Real", "acausal.Real") and isinstance(value, int | float):
-        fact = f"is the plain number {value}: nobody could set it, and it has no unit"
+        fact = f"is the plain number {value}, which cannot be set and has no unit"
         help = f"{name}: Real = parameter(default={value}), or {name}: ClassVar[float] = {value}"
     else:
         return
@@ -104,7 +104,7 @@ def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> Declara
         return DeclarationError(
             "AC118",
             f"{what}, which is not declared",
-            help=f"write {name} = ... for a mere abbreviation; or declare {name}, and yield self.{path} == ...",
+            help=f"write {name} = ... for a local abbreviation; or declare {name}, and yield self.{path} == ...",
         )
     if declared.kind.value in ("variable", "flow", "input", "output"):
         return DeclarationError(
@@ -126,10 +126,10 @@ def refuse_overruled(cls: type[Owner], name: str, given: Any, value: Any) -> Non
     if not same:
         raise DeclarationError(
             "AC118",
-            f"{cls.__name__}.build sets the structural '{name}' to {value!r}, and {given!r} is given to it",
+            f"{cls.__name__}.build sets the structural '{name}' to {value!r}, but the constructor is given {given!r}",
             where=(*calling_span(), *declared_at(cls, "build")),
-            cause="one of the two would be lost, and equations follow from it",
-            help=f"leave {name}=... out where the {cls.__name__} is made, or give what `build` computes another name",
+            cause="one of the two would be lost, although equations depend on it",
+            help=f"leave {name}=... out where the {cls.__name__} is made, or compute it under another name in `build`",
         )
 
 
@@ -144,21 +144,21 @@ def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:
         if name not in stating and meant and inspect.isgeneratorfunction(member) and name not in called_names:
             raise DeclarationError(
                 "AC129",
-                f"{cls.__name__}.{name} is called by nobody: the method is `{meant[0]}`",
+                f"{cls.__name__}.{name} is never called: the method is `{meant[0]}`",
                 where=(Span(member.__code__.co_filename, member.__code__.co_firstlineno),),
-                cause="what it states would be lost",
+                cause="its statements would be lost",
                 help=f"def {meant[0]}(self) -> Equations",
             )
     cls._is_named_right = True
 
 
 def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> Any:
-    """Call a function of the model; DeclarationError AC109 when it does not accept `args`."""
+    """Call a function of the model; raises DeclarationError AC109 if it does not accept `args`."""
     try:
         return function(*args)
     except TypeError as error:
-        inside = error.__traceback__.tb_next if error.__traceback__ is not None else None
-        if inside is not None:
+        in_function = error.__traceback__.tb_next if error.__traceback__ is not None else None
+        if in_function is not None:
             raise
         code = getattr(function, "__code__", None)
         raise DeclarationError(
@@ -187,12 +187,12 @@ def endless_recursion(component: Owner) -> DeclarationError | None:
         "AC138",
         f"{circle[0]} is built inside itself without end: {' -> '.join(circle)}",
         where=declared_at(type(component), "build"),
-        help="a part cannot hold what it is a part of; end the recursion by a structural number",
+        help="a part cannot contain its own owner; end the recursion by a structural number",
     )
 
 
 def declared_at(cls: type[Owner], name: str) -> tuple[Span, ...]:
-    """Line of the class body that declares a field or a method; empty without source."""
+    """Line of the class body that declares a field or a method; empty if the source is not available."""
     for base in cls.__mro__:
         member = base.__dict__.get(name)
         code = getattr(member, "__code__", None)
@@ -211,14 +211,14 @@ def declared_at(cls: type[Owner], name: str) -> tuple[Span, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """Place of a field's declaration; looked up only for a message, like an `Origin`."""
+    """Place in the source of the declaration of a field; like an `Origin`, it is looked up only for a message."""
 
     cls: type[Owner]
     name: str
     made: Origin
 
     def span(self) -> Span:
-        """The declaration; for a class of the library the place where the component was made."""
+        """The declaration; for a class of the library, the place where the component was made."""
         found = declared_at(self.cls, self.name)
         return found[0] if found and not found[0].of_library else self.made.span()
 
@@ -240,10 +240,10 @@ _PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (s
 def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     """A given structural value, with numpy scalars converted to Python numbers, and containers copied.
 
-    Raises DeclarationError: AC115 when it is not of the plain type that the class declares.
+    Raises DeclarationError: AC115 if it is not of the plain type that the class declares.
     """
-    found = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
-    declared = found if isinstance(found, str) else getattr(found, "__name__", "")
+    annotation = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
+    declared = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
     wanted = _PLAIN.get(declared)
     if wanted is None:
         return own_copy(value)
@@ -252,16 +252,17 @@ def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
         return plain
     raise DeclarationError(
         "AC115",
-        f"{cls.__name__}: structural '{name}' is declared as {declared}, {value!r} is none",
+        f"{cls.__name__}: structural '{name}' is declared as {declared}, but {value!r} is none",
         help=f"give {'an' if declared == 'int' else 'a'} {declared}: {cls.__name__}({name}=...)",
     )
 
 
 def own_copy(value: Any) -> Any:
-    """A copy of lists, dicts, sets and arrays, also within each other; anything else is returned as it is.
+    """A copy of lists, dicts, sets and arrays, nested ones included; anything else is returned unchanged.
 
-    Equations are made later than components: three tables from one list that is filled anew for each would all be the
-    last one. Not `copy.deepcopy`, as functions, shapes and components have to stay the same objects.
+    Equations are generated later than components are made: if a modeller made three tables from one list with changed
+    contents, all would be equal to the last one. Not `copy.deepcopy`, because functions, shapes and components have to
+    remain the same objects.
     """
     if type(value) is list:
         return [own_copy(member) for member in value]
@@ -313,7 +314,7 @@ def _declaring_line(start: Span, name: str) -> tuple[Span, ...]:
 
 
 def annotation_of(cls: type[Owner], name: str) -> str:
-    """How a part is made, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
+    """The call that makes a part, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
     for base in cls.__mro__:
         found = inspect.get_annotations(base).get(name)
         if found is not None:
@@ -326,28 +327,28 @@ def annotation_of(cls: type[Owner], name: str) -> str:
 
 
 def not_made_yet(cls: type[Owner], name: str, building: bool) -> DeclarationError:
-    """The error for a part that a default reads, or `build` above the line that makes it."""
+    """The error for a part that is read by a default, or by `build` before the line that makes it."""
     if building:
         return DeclarationError(
             "AC114",
             f"{cls.__name__}: part '{name}' is not made yet",
-            cause="`build` reads it before it makes it, and its lines run in order; only `equations` see all parts",
+            cause="`build` reads the part before the line that makes it; only `equations` can read all parts",
             help=f"move the line `self.{name} = {annotation_of(cls, name)}` above the one that reads it",
         )
     return DeclarationError(
         "AC114",
         f"{cls.__name__}: part '{name}' is not made yet",
-        cause="defaults of parameters are worked out before `build` makes the parts",
-        help=f"bind the other way round, in `build`: self.{name} = {annotation_of(cls, name)} with own parameters",
+        cause="defaults of parameters are evaluated before `build` makes the parts",
+        help=f"bind the other way round, in `build`: self.{name} = {annotation_of(cls, name)} with parameters of self",
     )
 
 
 def unknown_field(cls: type[Owner], name: str) -> UnknownFieldError:
     """The error for a field that a class does not have, with the nearest name."""
-    known = [n for n in cls._declarations]
-    close = nearest(name, known)
+    names = [n for n in cls._declarations]
+    suggestions = nearest(name, names)
     return UnknownFieldError(
         "AC127",
-        f"{cls.__name__} has no field '{name}'" + (f"; did you mean '{close[0]}'?" if close else ""),
-        evidence=(f"fields: {', '.join(known)}",) if known else (),
+        f"{cls.__name__} has no field '{name}'" + (f"; did you mean '{suggestions[0]}'?" if suggestions else ""),
+        evidence=(f"fields: {', '.join(names)}",) if names else (),
     )

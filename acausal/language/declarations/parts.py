@@ -1,7 +1,7 @@
 """Fields that hold components: lists of them, and references to enclosing ones by `outer(World)` as in Modelica.
 
-While a model is being composed its surroundings are unknown. Until then a stand-in provides symbols of its quantities,
-for `build` and for defaults; the flattener binds it to the actual component.
+While a component is being composed, its surroundings are not yet known. Until they are, a stand-in provides symbols of
+the quantities of an outer component, for `build` and for defaults; the flattener binds it to the actual component.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ class Parts(list[Any]):
     Raises
     ------
     DeclarationError
-        AC103 for an index out of range, AC118 for a part replaced after `build`, AC127 for a field of the members that
-        is read from the list.
+        AC103 for an index out of range, AC118 if a part is replaced after `build`, AC127 if a field of the members is
+        read from the list.
     """
 
     __slots__ = ("_name", "_owner")
@@ -43,7 +43,7 @@ class Parts(list[Any]):
             raise DeclarationError(
                 "AC103",
                 f"{self._description()}; it has no element [{shown}]",
-                help="`build` makes its parts" if last < 0 else f"indices count from 0: [0 to {last}]",
+                help="make its parts in `build`" if last < 0 else f"indices count from 0: [0 to {last}]",
             ) from None
 
     def __setitem__(self, index: SupportsIndex | slice, value: Any) -> None:
@@ -72,7 +72,7 @@ Around = TypeVar("Around", bound=Owner)
 
 @dataclass(frozen=True, eq=False)
 class Outer(Generic[Around]):
-    """Declaration made by `outer`: the class of the enclosing component, and the default added if there is none."""
+    """Declaration made by `outer`: the class of the enclosing component, and the default that is added if needed."""
 
     cls: type[Around]
     default: Around | None
@@ -83,8 +83,8 @@ def outer(cls: type[Around], *, default: Around | None = None, doc: str = "", in
     """The nearest enclosing component of class `cls`: a part of the owner, or of the owner's owner, and so on.
 
     It is declared as a field, `world: World = outer(World)`, and read like a part: `self.world.g_0`. If an owner has
-    several parts of the class, the one with the name of the field is taken. If there is none at all, `default` is added
-    to the model under the name of the field; without a default that is an error.
+    several parts of the class, the one with the name of the field is used. If there is none at all, `default` is added
+    to the model under the name of the field; without a default this is an error.
 
     `init` is for type checkers: an outer component is not given to the constructor.
 

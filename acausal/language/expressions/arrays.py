@@ -17,15 +17,15 @@ from acausal.language.expressions.expression import (
     shape_error,
 )
 
-_SPACE = 3
-"""Up to this length (vectors in space) an equation is printed as a whole, beyond it element by element."""
-_DEEP = 16
-"""Depth up to which elements are taken of operands."""
+_LONGEST_WHOLE = 3
+"""Equations between vectors up to this length, such as vectors in space, are printed as a whole."""
+_DEEPEST = 16
+"""Depth up to which an element of an expression is expressed by elements of its operands."""
 _WHOLE = frozenset(("matmul", "cross", "transpose", "call"))
 
 
 def concatenate(*parts: Operand) -> Expr:
-    """Scalars and vectors joined to one vector: `concatenate(self.u_a, self.u, self.u[-1])`.
+    """Scalars and vectors joined into one vector: `concatenate(self.u_a, self.u, self.u[-1])`.
 
     All parts have the same unit. For a scalar and a vector of shape (n,) the result has shape (n + 1,).
 
@@ -55,9 +55,9 @@ def fill(x: Operand, n: int) -> Expr:
 
 
 def sizes(function: str, *counts: SupportsIndex, before: tuple[str, ...] = ()) -> tuple[int, ...]:
-    """The sizes of a vector or a matrix; DeclarationError AC110 where one is no number of elements.
+    """The sizes of a vector or a matrix; raises DeclarationError AC110 if one is no number of elements.
 
-    `before`: the arguments in front of them, for the message.
+    `before` are the arguments that precede them in the call, for the message.
     """
     try:
         whole = tuple(map(index, counts))
@@ -68,33 +68,33 @@ def sizes(function: str, *counts: SupportsIndex, before: tuple[str, ...] = ()) -
         raise DeclarationError(
             "AC110",
             f"{call}: a size is a whole number of elements",
-            help=f"write {function} with sizes from 1 on: 3, or what a structural n says",
+            help=f"write {function} with sizes of at least 1: 3, or a structural n",
         )
     return whole
 
 
-def element(e: Expr, place: int, depth: int = 0) -> Expr:
-    """Element `place` of a vector, as an expression of elements: `u[3] - u[2]` for `u[1:] - u[:-1]` and 2."""
+def element(e: Expr, k: int, depth: int = 0) -> Expr:
+    """Element `k` of a vector, as an expression of elements: `u[3] - u[2]` for `u[1:] - u[:-1]` and 2."""
     if not e.shape:
         return e
-    if isinstance(e, Symbol) or e.op in _WHOLE or len(e.shape) > 1 or depth > _DEEP:
-        return Operation("index", (e,), (), (place,))
+    if isinstance(e, Symbol) or e.op in _WHOLE or len(e.shape) > 1 or depth > _DEEPEST:
+        return Operation("index", (e,), (), (k,))
     if e.op == "const":
-        return constant(e.payload[place])
+        return constant(e.payload[k])
     if e.op == "slice":
-        return _sliced(e, place, depth)
+        return _sliced(e, k, depth)
     if e.op == "fill":
         return e.args[0]
     if e.op in ("concatenate", "stack"):
         for part in e.args:
             size = part.shape[0] if part.shape else 1
-            if place < size:
-                return element(part, place, depth)
-            place -= size
+            if k < size:
+                return element(part, k, depth)
+            k -= size
     payload = e.payload
     if e.op == "quantity":
-        payload = payload[0][place], payload[1]
-    return Operation(e.op, tuple(element(a, place, depth + 1) for a in e.args), (), payload)
+        payload = payload[0][k], payload[1]
+    return Operation(e.op, tuple(element(a, k, depth + 1) for a in e.args), (), payload)
 
 
 def _sliced(e: Expr, place: int, depth: int) -> Expr:
@@ -108,6 +108,6 @@ def _sliced(e: Expr, place: int, depth: int) -> Expr:
 def one_of(equation: Equation, place: int) -> Equation:
     """The scalar equation at `place` of an equation between long vectors; any other equation as a whole."""
     shape = equation.left.shape or equation.right.shape
-    if len(shape) != 1 or shape[0] <= _SPACE:
+    if len(shape) != 1 or shape[0] <= _LONGEST_WHOLE:
         return equation
     return Equation(element(equation.left, place), element(equation.right, place))

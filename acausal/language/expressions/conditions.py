@@ -23,7 +23,7 @@ from acausal.language.expressions.expression import (
 
 
 def is_discrete(e: Expr) -> bool:
-    """True for an expression that changes at events only: discrete variables, relations, and functions of these."""
+    """True for an expression that changes at events only: of discrete variables, relations, and functions of these."""
     return not any(
         not here.declaration.discrete and here.declaration.kind.value != "parameter"
         if isinstance(here, Symbol)
@@ -52,7 +52,7 @@ def _before(e: Expr) -> Expr:
 
 
 def edge(condition: Expr) -> Expr:
-    """True at the instants at which `condition` becomes true: it holds, and did not just before."""
+    """True at the instants at which `condition` becomes true: it holds, but did not hold just before."""
     return Operation("edge", (checked_condition(condition),), ())
 
 
@@ -62,7 +62,7 @@ def change(x: Expr) -> Expr:
     Raises
     ------
     DeclarationError
-        AC146 when `x` is neither, and so changes continuously.
+        AC146 when `x` is neither, and may therefore change continuously.
     """
     e = as_expr(x)
     if e.shape:
@@ -79,8 +79,8 @@ def change(x: Expr) -> Expr:
 def equals(a: Operand, b: Operand) -> Expr:
     """True where two whole numbers, or two conditions, are equal: `equals(self.mode, 1)`.
 
-    It replaces Modelica's `==` between integers, since `==` makes an equation here. It does not exist for continuous
-    numbers, which are equal at isolated instants only.
+    It replaces Modelica's `==` between integers, because `==` makes an equation here. There is no such function for
+    continuous numbers, which are equal at isolated instants only.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def equals(a: Operand, b: Operand) -> Expr:
             raise DeclarationError(
                 "AC146",
                 f"equals(`{x}`, `{y}`): `{e}` is not discrete",
-                help="compare what varies continuously with < and >",
+                help="compare continuous quantities with < and >",
             )
     return Operation("equals", (x, y), ())
 
@@ -122,8 +122,8 @@ def sample(start: Operand, interval: Operand) -> Expr:
             raise DeclarationError(
                 "AC146",
                 f"{shown}: `{varying}` varies during a run",
-                help="the start and the interval of a clock are numbers or parameters; instants that are computed are "
-                "kept in a discrete variable: when(time > pre(t_next), reset(t_next, ...))",
+                help="the start and the interval of a clock are numbers or parameters; keep a computed instant in a "
+                "discrete variable: when(time > pre(t_next), reset(t_next, ...))",
             )
     return Operation("sample", times, ())
 
@@ -139,28 +139,28 @@ def _varying(e: Expr) -> Expr | None:
 
 
 def initial() -> Expr:
-    """True while the consistent start of a run is computed, and false from then on."""
+    """True while the consistent start of a run is computed, and false afterwards."""
     return Operation("initial", (), ())
 
 
 def infinitesimal() -> Expr:
-    """A positive number tending to zero, which regularises equations that would be singular at zero.
+    """A positive number that tends to zero, which regularises equations that would otherwise be singular.
 
-    Unknowns that the equations do not determine at zero take their limit from above. `a == where(locked,
+    Unknowns that the equations with the number zero do not determine take their limit from above. `a == where(locked,
     infinitesimal() * tau, ...)` keeps an element of dry friction at rest, and determines how several such elements
-    share a load that each could bear alone: with the least sum of squares, as surfaces that creep in proportion to
+    share a load that each could bear alone: with the least sum of squares, like surfaces that creep in proportion to
     their load. The sign of its factor must be that of a resistance.
     """
     return Operation("infinitesimal", (), ())
 
 
 def terminal() -> Expr:
-    """True at the end of a run that succeeds."""
+    """True at the end of a successful run."""
     return Operation("terminal", (), ())
 
 
 def no_event(x: Expr) -> Expr:
-    """A condition, or an expression of any shape, without events: relations in it are not located."""
+    """A condition, or an expression of any shape, without events: relations in it make none."""
     e = as_expr(x)
     return Operation("noevent", (e,), e.shape)
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 from acausal.errors import DeclarationError
 from acausal.language.expressions.expression import Expr, Operand, Operation, as_expr, is_condition, shape_error
 
-_LONGEST = 60
+_LONGEST_LABEL = 60
 
 
 def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> Expr:
-    """The value of `x` a time `delay_time` ago; its value at the start of the run until that much time has passed.
+    """The value of `x` at the current time minus `delay_time`, or at the start of the run if that is later.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> 
     if is_condition(e):
         raise DeclarationError(
             "AC181",
-            f"`{e}` is true or false: delay takes numbers",
+            f"`{e}` is a condition: delay takes numbers",
             help="delay(where(condition, 1.0, 0.0), T) > 0.5 is the condition as it was T ago",
         )
     return Operation("delay", (e, *times), e.shape)
@@ -46,7 +46,7 @@ def delay(x: Operand, delay_time: Operand, max_delay: Operand | None = None) -> 
 class Delayed(str):
     """Operation of a pool node whose operand is the instant at which a delayed signal is read.
 
-    A string, as all operations are. `number` is the index of the delay in its pool, `label` its text in the model.
+    A string, like all operations. `number` is the index of the delay in its pool, `label` its text in the model.
     """
 
     number: int
@@ -55,7 +55,7 @@ class Delayed(str):
     def __new__(cls, number: int, label: str) -> Delayed:
         operation = super().__new__(cls, f"delay[{number}]")
         operation.number = number
-        operation.label = label if len(label) <= _LONGEST else label[: _LONGEST - 4] + " ..."
+        operation.label = label if len(label) <= _LONGEST_LABEL else label[: _LONGEST_LABEL - 4] + " ..."
         return operation
 
     def __reduce__(self) -> tuple[type[Delayed], tuple[int, str]]:

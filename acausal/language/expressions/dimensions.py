@@ -3,11 +3,11 @@
 Apart from a dimension, an expression can be:
 
 - *unknown*, if it depends on a variable declared without a unit: it agrees with everything;
-- *a number*, if it is made of literals, or of results of `unitless`. In sums and products with quantities a number is
-  dimensionless. Alone it is a value like a default, in the SI unit of the quantity it is assigned to or compared with:
+- *a number*, if it consists of literals, or of results of `unitless`. In sums and products with quantities a number is
+  dimensionless. Alone it is a value like a default, in the SI unit of the quantity to which it is assigned or compared:
   `v == 1`, `reset(s, 0.2)`, `maximum(f, 1e-3)`, `time < 2`;
-- *a signal*, if it is made of literals and `time`: also a number, so that `force.u == 10 * sin(3 * time)` needs no
-  units. In combination with quantities it has the dimension that follows from seconds;
+- *a signal*, if it consists of literals and `time`: it is also a number, so that `force.u == 10 * sin(3 * time)` needs
+  no units. In combination with quantities it has the dimension that follows from seconds;
 - *any*, for the numbers zero and infinity, which are the same in every unit.
 """
 
@@ -50,15 +50,15 @@ class _Signal:
 _NUMBER, _ANY = _Plain.NUMBER, _Plain.ANY
 
 _Dimensional: TypeAlias = Dimension | _Plain | _Signal | None
-"""Result for an expression; None (unknown) where it contains an undeclared unit."""
+"""Result for an expression; None means that it is unknown."""
 
-_LONG = 200
+_LONGEST_TEXT = 200
 _SECOND = parse("s").dimension
 _TRANSCENDENTAL = frozenset(("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"))
 _COMPARED = frozenset((*RELATIONS, "equals"))
-_CHOICES = frozenset(("min", "max", "where", "homotopy", *_COMPARED))
+_ALTERNATIVES = frozenset(("min", "max", "where", "homotopy", *_COMPARED))
 _SUMS = frozenset(("add", "sub", "atan2"))
-_SAME = frozenset(("neg", "pre", "noevent", "index", "slice", "fill", "transpose", "fabs", "floor", "ceil"))
+_UNIT_OF_OPERAND = frozenset(("neg", "pre", "noevent", "index", "slice", "fill", "transpose", "fabs", "floor", "ceil"))
 _PRODUCTS = frozenset(("mul", "matmul", "cross"))
 
 
@@ -74,10 +74,10 @@ class _Mismatch(Exception):
 def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
     """Raise UnitError (AC155) when the sides of an equation, or the terms of a sum in it, differ in dimension."""
     try:
-        known: dict[int, _Dimensional] = {}
+        dimension_of: dict[int, _Dimensional] = {}
         left, right = (
-            _bare_time_as_seconds(_dimension_of(equation.left, known)),
-            _bare_time_as_seconds(_dimension_of(equation.right, known)),
+            _bare_time_as_seconds(_dimension_of(equation.left, dimension_of)),
+            _bare_time_as_seconds(_dimension_of(equation.right, dimension_of)),
         )
         if isinstance(left, tuple) and isinstance(right, tuple) and left != right:
             raise _Mismatch(
@@ -87,7 +87,7 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
             )
     except _Mismatch as mismatch:
         symbols = symbols_in(equation.left, equation.right)
-        # an external function declares units, and a quantity has one
+        # External functions declare units, and quantities have them.
         has_units = any(e.op in ("call", "quantity") for e in nodes(equation.left, equation.right))
         if not has_units and not any(symbol.declaration.unit for symbol in symbols):
             return  # only `time` has a unit: in a model without units it counts as a number
@@ -96,24 +96,24 @@ def check_dimensions(equation: Equation, where: Sequence[Span]) -> None:
             mismatch.fact,
             where=where,
             evidence=[f"{symbol}  [{symbol.declaration.unit or 'adapts'}]" for symbol in symbols],
-            cause="a factor is missing, two quantities are mixed up, or a number stands for a quantity",
+            cause="a factor is missing, two quantities are mixed up, or a number is used as a quantity",
             help=mismatch.help,
         ) from None
 
 
-def _dimension_of(e: Expr, known: dict[int, _Dimensional]) -> _Dimensional:
+def _dimension_of(e: Expr, dimension_of: dict[int, _Dimensional]) -> _Dimensional:
     """Dimension of an expression; without recursion, because a sum of a thousand terms is a thousand nodes deep."""
     stack = [e]
     while stack:
         here = stack[-1]
-        missing = [a for a in here.args if id(a) not in known]
+        missing = [a for a in here.args if id(a) not in dimension_of]
         if missing:
             stack.extend(missing)
             continue
         stack.pop()
-        if id(here) not in known:
-            known[id(here)] = _dimension(here, [known[id(a)] for a in here.args])
-    return known[id(e)]
+        if id(here) not in dimension_of:
+            dimension_of[id(here)] = _dimension(here, [dimension_of[id(a)] for a in here.args])
+    return dimension_of[id(e)]
 
 
 def _dimension(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
@@ -122,7 +122,7 @@ def _dimension(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
         return parse(e.declaration.unit).dimension if e.declaration.unit else None
     if not parts or op in ("quantity", "unitless", "call"):
         return _leaf_dimension(e)
-    if op in _SAME:
+    if op in _UNIT_OF_OPERAND:
         return parts[0]
     if op in _PRODUCTS:
         return _product(parts[0], parts[1], multiply)
@@ -130,8 +130,8 @@ def _dimension(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
         return _product(parts[0], parts[1], divide)
     if op in _SUMS:
         return _sum(e, parts)
-    if op in _CHOICES:
-        return _choice(e, parts[1:] if op == "where" else parts)
+    if op in _ALTERNATIVES:
+        return _alternatives(e, parts[1:] if op == "where" else parts)
     if op in ("stack", "concatenate"):
         return _common(parts) if len(set(_dimensions(parts))) < 2 else None
     if op == "der":
@@ -167,7 +167,7 @@ def _leaf_dimension(e: Expr) -> _Dimensional:
 
 
 def _bare_time_as_seconds(found: _Dimensional) -> _Dimensional:
-    """The dimension of `time` when it stands alone; anything else unchanged."""
+    """The dimension of `time` if it is alone; anything else unchanged."""
     return found.dimension if isinstance(found, _Signal) and found.bare else found
 
 
@@ -180,7 +180,7 @@ def _dimensions(parts: Iterable[_Dimensional]) -> list[Dimension]:
 
 
 def _common(parts: Sequence[_Dimensional]) -> _Dimensional:
-    """Common result of parts that agree: a declared dimension if any, else unknown, a signal, a number, any."""
+    """Common result of parts that agree: the first that occurs of a dimension, unknown, a signal, a number, any."""
     declared = _dimensions(parts)
     if declared:
         return declared[0]
@@ -202,7 +202,7 @@ def _product(a: _Dimensional, b: _Dimensional, combine: Callable[[Dimension, Dim
 
 
 def _dimension_with_quantity(found: _Dimensional) -> Dimension:
-    """Dimension of a number, a signal or a quantity when combined with a quantity."""
+    """Dimension of a number, a signal or a quantity in combination with a quantity."""
     if isinstance(found, _Signal):
         return found.dimension
     return found if isinstance(found, tuple) else DIMENSIONLESS
@@ -229,7 +229,7 @@ def _sum(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     return _common(parts)
 
 
-def _choice(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
+def _alternatives(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     parts = [*map(_bare_time_as_seconds, parts)] if _dimensions(parts) else parts
     _require_agreement(e, _dimensions(parts))
     return DIMENSIONLESS if e.op in _COMPARED else _common(parts)
@@ -307,8 +307,10 @@ def _with_unit(number: Expr, unit: str) -> str:
 def _short(e: Expr | Equation) -> str:
     """Text of an expression, limited to its outer levels if it is long."""
     text = str(e)
-    if len(text) <= _LONG:
+    if len(text) <= _LONGEST_TEXT:
         return text
     if isinstance(e, Equation):
         return f"{_short(e.left)} == {_short(e.right)}"
-    return next((t for depth in range(2, 12) if len(t := to_text(e, depth)) <= _LONG), text[:_LONG] + " ...")
+    return next(
+        (t for depth in range(2, 12) if len(t := to_text(e, depth)) <= _LONGEST_TEXT), text[:_LONGEST_TEXT] + " ..."
+    )

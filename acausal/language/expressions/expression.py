@@ -1,12 +1,12 @@
 """Expression tree of the language: small slotted nodes whose shape is known when they are made.
 
-The language has its own nodes because CasADi symbols return `nan` for `math.sin(x)`, multiply a matrix by
-a vector of the wrong size without a word, fold `x*1 == x` to a constant and cost a hundred times more per
-operation (measured, see docs/devdocs/language.md). CasADi enters in `acausal.lower` only.
+The language has its own nodes because CasADi symbols return `nan` for `math.sin(x)`, multiply a matrix by a vector of
+the wrong size without an error, fold `x*1 == x` to a constant, and cost a hundred times more per operation (measured,
+see docs/devdocs/language.md). Only `acausal.lower` uses CasADi.
 
-Shapes: `()` scalar, `(n,)` vector, `(m, n)` matrix. Operators are elementwise between equal shapes; of matrices only
-sums are, `@` is their product. A scalar multiplies, divides, limits and is compared with anything; in a sum only a
-literal number adapts, because a scalar added to a vector of space is a mistake.
+Shapes: `()` scalar, `(n,)` vector, `(m, n)` matrix. Operators are elementwise between equal shapes; between matrices
+only sums are, and `@` is their product. A scalar multiplies, divides, limits and is compared with anything; in a sum
+only a literal number adapts, because adding a scalar to a vector in space is a mistake.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _UFUNCS = {
     "greater_equal": "__ge__",
     "equal": "__eq__",
 }
-"""Operators that numpy offers as functions, when an array or a number of its own stands on the left."""
+"""Operators by their names as numpy functions, which numpy calls if its array or number is the left operand."""
 
 
 def _no_truth(shown: str, kind: str, advice: str) -> DeclarationError:
@@ -219,14 +219,14 @@ class Expr(WithoutForeignOperators):
         symbols = symbols_in(self)
         if symbols and all(s.declaration.kind.value == "parameter" for s in symbols):
             names = ", ".join(dict.fromkeys(s.name for s in symbols))
-            advice = f"declare {names} with structural(...) if it decides the equations; for a value write where(...)"
+            advice = f"declare {names} with structural(...) if equations depend on it; for a value write where(...)"
         raise _no_truth(str(self), "symbolic", advice)
 
     def _no_number(self, what: str) -> NoReturn:
         raise DeclarationError(
             "AC104",
             f"`{self}` is symbolic and has no {what}",
-            help="declare what counts, indexes or gives a size with structural(...)"
+            help="declare counts, indices and sizes with structural(...)"
             if what == "int value"
             else "use acausal.sin, acausal.sqrt, acausal.fabs ... instead of the math and numpy functions",
         )
@@ -250,8 +250,8 @@ class Expr(WithoutForeignOperators):
 class Operation(Expr):
     """Operations on other expressions, and literals: every expression that is not a `Symbol`.
 
-    A class beside Symbol, not above it: of `a == b` Python asks b first where the class of b is derived from that of a,
-    and then `der(x) == u` would be `u == der(x)`. Which side a discrete variable stands on has a meaning.
+    It is a sibling of Symbol, not its base class: for `a == b` Python calls the operator of b first if the class of b
+    is derived from that of a, and then `der(x) == u` would be `u == der(x)`. The side of a discrete variable matters.
     """
 
     __slots__ = ()
@@ -292,7 +292,7 @@ class Equation(Statement):
         raise _no_truth(
             str(self),
             "an equation",
-            "yield it; `a == b == c`, `in`, `if` and `assert` ask for a truth value that an equation does not have",
+            "yield it; `a == b == c`, `in`, `if` and `assert` need a truth value, which an equation does not have",
         )
 
     def __str__(self) -> str:
@@ -326,7 +326,7 @@ def is_literal(e: Expr) -> bool:
 
 
 def as_expr(value: Any) -> Expr:
-    """The expression of a number, of a (nested) sequence of expressions or numbers, or of an array."""
+    """The expression of a number, a (nested) sequence of expressions or numbers, or an array."""
     if isinstance(value, Expr):
         return value
     if isinstance(value, bool | int | float):
@@ -384,7 +384,7 @@ def is_condition(e: object) -> bool:
 
 
 def assigned(equation: Equation) -> Symbol | None:
-    """The discrete variable that an equation assigns: it stands alone on the left, perhaps with an index or a slice."""
+    """The discrete variable that an equation assigns: alone on the left, possibly with an index or a slice; or None."""
     left = equation.left
     if left.op in ("index", "slice"):
         left = left.args[0]
@@ -404,7 +404,7 @@ def checked_condition(e: object, example: str = "x > 0", *, several: bool = Fals
     if isinstance(e, Expr) and is_condition(e):
         if not e.shape or several:
             return e
-        fact, remedy = "is a vector of conditions", "one is wanted here: take an element, such as condition[0]"
+        fact, remedy = "is a vector of conditions", "one is needed here: take an element, such as condition[0]"
     elif isinstance(e, Equation):
         fact, remedy = "is an equation, not a condition", "whole numbers are compared with equals(a, b)"
     elif isinstance(e, Expr):
@@ -414,7 +414,7 @@ def checked_condition(e: object, example: str = "x > 0", *, several: bool = Fals
         )
     else:
         fact = f"({type(e).__name__}) is not a condition"
-        remedy = f"write a relation such as {example}; what is known to Python is decided with a plain `if`"
+        remedy = f"write a relation such as {example}; use a plain `if` for a value that Python knows"
     raise DeclarationError("AC108", f"`{e}` {fact}", help=remedy)
 
 
@@ -441,9 +441,9 @@ def shape_text(shape: Shape) -> str:
 
 
 def nodes(*roots: Expr, into: Callable[[Expr], Sequence[Expr]] = operator.attrgetter("args")) -> list[Expr]:
-    """Expressions and their operands, each once, from left to right; `into` tells which operands of one are visited.
+    """Expressions and their operands, from left to right; `into` returns the operands to visit of an expression.
 
-    Once, as a part that occurs in several operands may have exponentially many paths to it.
+    Each occurs only once, because there may be exponentially many paths to a shared part.
     """
     stack, found = list(reversed(roots)), dict[int, Expr]()
     while stack:
@@ -460,7 +460,7 @@ def symbols_in(*roots: Expr) -> list[Symbol]:
 
 
 def shape_error(what: str, *args: Expr) -> DeclarationError:
-    """DeclarationError AC105 for operands whose shapes do not fit `what`."""
+    """DeclarationError AC105 for operands whose shapes do not fit the operation `what`."""
     shown = " and ".join(f"`{a}` ({shape_text(a.shape)})" for a in args)
     return DeclarationError("AC105", f"{what} does not take {shown}", help=_SHAPES.get(what, _ELEMENTWISE))
 
@@ -529,9 +529,8 @@ def _slice_text(key: int | slice) -> str:
 def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None = None, binding: int = 0) -> str:
     """Python-like text of an expression with no more parentheses than needed.
 
-    `depth`: Levels already written; beyond twelve the text ends in `...`.
-    `name_of`: Names of symbols; their full path when it is not given.
-    `binding`: How tightly the operator around `e` binds.
+    `depth` is the number of levels already written; beyond twelve the text is `...`. `name_of` returns the names of
+    symbols, by default their full paths. `binding` is the precedence of the operator around `e`.
     """
     if e.op == "const":
         if not isinstance(e.payload, float):
@@ -575,7 +574,7 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
 
 
 def equation_text(equation: Equation, name_of: Callable[[Symbol], str] | None = None) -> str:
-    """Text of an equation; a relation on one of its sides stands in parentheses."""
+    """Text of an equation, with a relation on one of its sides in parentheses."""
     left, right = (to_text(e, name_of=name_of, binding=2) for e in (equation.left, equation.right))
     return f"{left} == {right}"
 

@@ -20,9 +20,11 @@ class External:
         distance = External("distance", make, inputs=((3,), (3,)), outputs=((), (3,)), units=("m", "1"))
         length, direction = distance(frame_a.r_0, frame_b.r_0)
 
-    Called with expressions it returns one expression per output, or the expression itself if there is one output only.
-    A run knows of a function only what it evaluates: what comes and goes inside of it within a step is not seen, unless
-    `simulate(max_step=...)` is short enough. A kink that is written as `maximum` of two outputs is located.
+    Called with expressions, it returns a tuple of one expression per output, or the expression itself if there is only
+    one output.
+    A run knows only the values of a function at the points where it evaluates it: a change that comes and goes within a
+    step is overlooked, unless `simulate(max_step=...)` is short enough. A kink that is written as `maximum` of two
+    outputs is located.
     Two objects are two functions even if they compute the same: create one and reuse it.
 
     Parameters
@@ -30,15 +32,15 @@ class External:
     name
         Shown in equations and messages.
     factory
-        Without arguments, returns a `casadi.Function` with these inputs and outputs. A function of SX is expanded into
-        the equations; one made with the option `never_inline` stays one call, in generated C too.
+        Takes no arguments and returns a `casadi.Function` with these inputs and outputs. A function of SX is expanded
+        into the equations; one made with the option `never_inline` remains one call, in generated C as well.
     inputs, outputs
         Shapes: `()`, `(n,)` or `(m, n)`.
     units
         Units of the outputs, for the check of dimensions; "" adapts.
     jumps
-        Whether outputs may jump, as the distance along a ray does where the ray leaves a body. Kinks between such
-        outputs, `maximum(f(x), g(x))`, are left to the error control; all other kinks between outputs are located.
+        Whether outputs may jump, like the distance along a ray where the ray leaves a body. Kinks between such outputs,
+        `maximum(f(x), g(x))`, are left to error control; all other kinks between outputs are located.
 
     Raises
     ------
@@ -62,7 +64,7 @@ class External:
         self.inputs = tuple(map(tuple, inputs))
         self.outputs = tuple(map(tuple, outputs))
         self.units = tuple(units) or ("",) * len(self.outputs)
-        self.primal: External | None = None  # what this one holds the partial derivatives of
+        self.primal: External | None = None  # the function whose partial derivatives this one computes
         self._partials: External | None = None
         if len(self.units) != len(self.outputs) or any(len(s) > 2 for s in (*self.inputs, *self.outputs)):
             raise DeclarationError(
@@ -93,7 +95,7 @@ class External:
         if self._partials is None:
             shape = (_scalars(self), self.size)
             name = f"d{self.name}"
-            # derivatives jump where the function has a kink
+            # Derivatives jump where the function has a kink.
             self._partials = External(name, self.factory, inputs=self.inputs, outputs=(shape,), jumps=True)
             self._partials.primal = self
         return self._partials
@@ -112,7 +114,7 @@ class External:
 class Call(str):
     """Operation of a scalar pool node: one scalar output of an external function.
 
-    A string, as all operations are; two are equal if they are the same scalar of the same function.
+    A string, like all operations; two are equal if they are the same scalar of the same function.
     """
 
     external: External

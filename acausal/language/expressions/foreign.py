@@ -1,4 +1,4 @@
-"""Operators of Python and functions of numpy that expressions do not have; each is refused with a remedy."""
+"""Operators of Python and functions of numpy that expressions do not support; each is refused with a remedy."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _REDUCTIONS = {
     "maximum": ("max", "write maximum(v[0], v[1]) of acausal"),
     "minimum": ("min", "write minimum(v[0], v[1]) of acausal"),
 }
-"""Name in numpy and advice, by the name of the function that is repeated over the elements."""
+"""Name of a reduction in numpy and advice, by the name of the function that it applies to the elements."""
 
 
 class WithoutForeignOperators:
-    """Base of expressions: without it these operators would be TypeErrors of Python, which know no remedy."""
+    """Base of expressions; without it these operators would be TypeErrors of Python, which give no remedy."""
 
     __slots__ = ()
 

@@ -163,7 +163,7 @@ def where(condition: Expr, a: Operand, b: Operand, *, smooth: bool = False) -> E
 
 
 def homotopy(actual: Operand, simplified: Operand) -> Expr:
-    """`actual`; where no start is found with it, the search begins with `simplified` and turns that into `actual`.
+    """`actual`; if no start is found with it, the search begins with `simplified` and transforms it into `actual`.
 
     Both have one shape and one unit, which are those of the result.
 
@@ -196,7 +196,7 @@ def quantity(value: float | Sequence[Any], unit: str) -> Expr:
         raise DeclarationError(
             "AC106",
             f"quantity(`{given}`, {unit!r}): `{given}` is no number",
-            help=f"multiply what varies by a unit: {given} * quantity(1, {unit!r})",
+            help=f"multiply a variable by a unit: {given} * quantity(1, {unit!r})",
         )
     numbers = given.payload if given.shape else (given.payload,)
     si = tuple(in_si(v, unit) for v in numbers)
@@ -205,9 +205,9 @@ def quantity(value: float | Sequence[Any], unit: str) -> Expr:
 
 
 def unitless(x: Operand) -> Expr:
-    """The value of `x` in SI units as a plain number, of any shape: from here on it has no unit.
+    """The value of `x` in SI units as a plain number without a unit; `x` has any shape.
 
-    Use it where a formula takes a quantity as a pure number, as a measured characteristic takes its argument.
+    Use it where a formula takes a quantity as a pure number, for example the argument of a measured characteristic.
     """
     e = as_expr(x)
     return Operation("unitless", (e,), e.shape)

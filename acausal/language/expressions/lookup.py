@@ -1,7 +1,7 @@
-"""Tables as external functions: a binary search for the segment, and the polynomial there.
+"""Tables as external functions: a binary search for the segment, and evaluation of its polynomial.
 
-A tree of `where` on the abscissas would compute both sides of each of its decisions, whatever the solver: ten thousand
-rows would be ten thousand operations for each value, and as many lines of C.
+A tree of `where` on the abscissas would compute both branches of each decision, whatever the solver: ten thousand rows
+would be ten thousand operations for each value, and as many lines of C.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from acausal.errors import DeclarationError
 from acausal.language.expressions.expression import Expr
 from acausal.language.expressions.external import External
 
-# Size of a jump that may be the rounding of coefficients, relative to their terms.
+# A jump smaller than this fraction of the terms counts as a rounding error of the coefficients.
 _ROUNDING = 1e-9
 _CACHE: WeakValueDictionary[Any, Lookup] = WeakValueDictionary()
 
@@ -24,15 +24,15 @@ _CACHE: WeakValueDictionary[Any, Lookup] = WeakValueDictionary()
 def lookup(breaks: Sequence[float], coefficients: Sequence[Sequence[float]], name: str = "table") -> Lookup:
     """A piecewise polynomial; equal arguments return one object, so that models that contain it are equal.
 
-    Raises DeclarationError: AC160 when the breakpoints do not increase, the rows of coefficients are not one for each
-    segment and of one length, or something is no finite number.
+    Raises DeclarationError: AC160 when the breakpoints do not increase, the rows of coefficients do not match the
+    segments or differ in length, or a value is not a finite number.
     """
-    wrong = _wrong(breaks, coefficients)
-    if wrong:
+    fault = _fault(breaks, coefficients)
+    if fault:
         raise DeclarationError(
             "AC160",
-            f"lookup: {wrong}",
-            help="lookup(breaks, coefficients) makes a function, to be called with its argument: "
+            f"lookup: {fault}",
+            help="lookup(breaks, coefficients) makes a function, which is called with its argument: "
             "lookup([0.0, 1.0, 2.0], [(5.0, 1.0), (6.0, 0.0)])(u); "
             "table(points, u) of acausal.library.blocks interpolates points",
         )
@@ -43,8 +43,8 @@ def lookup(breaks: Sequence[float], coefficients: Sequence[Sequence[float]], nam
     return found
 
 
-def _wrong(breaks: Sequence[float], coefficients: Sequence[Sequence[float]]) -> str:
-    """What is wrong with the arguments of `lookup`; "" if nothing is."""
+def _fault(breaks: Sequence[float], coefficients: Sequence[Sequence[float]]) -> str:
+    """The fault in the arguments of `lookup`; "" if there is none."""
     if isinstance(breaks, Expr):
         return f"`{breaks}` is given as breakpoints"
     try:
@@ -56,9 +56,9 @@ def _wrong(breaks: Sequence[float], coefficients: Sequence[Sequence[float]]) -> 
         return "a breakpoint or a coefficient is not finite"
     falling = next((k for k, (a, b) in enumerate(pairwise(ends)) if b <= a), None)
     if falling is not None:
-        return f"breakpoint {falling + 2} of {len(ends)}, {ends[falling + 1]}, does not lie beyond the one before"
+        return f"breakpoint {falling + 2} of {len(ends)}, {ends[falling + 1]}, is not greater than the one before"
     if len(rows) != len(ends) - 1 or not rows:
-        return f"{len(ends)} breakpoints have {max(len(ends) - 1, 0)} segments, and there are {len(rows)} rows"
+        return f"{len(ends)} breakpoints have {max(len(ends) - 1, 0)} segments, but there are {len(rows)} rows"
     degrees = {len(row) for row in rows}
     return "" if len(degrees) == 1 and 0 not in degrees else "its rows have different lengths, or none"
 
@@ -82,17 +82,17 @@ class Lookup(External):
         self._slope: Lookup | None = None
 
     def _jumps(self) -> Iterator[bool]:
-        """For each inner breakpoint whether the polynomials of its sides differ there by more than rounding."""
-        for (a, b), row, after in zip(pairwise(self.breaks), self.coefficients, self.coefficients[1:], strict=False):
+        """For each inner breakpoint, whether the polynomials of its sides differ there beyond rounding errors."""
+        for (a, b), row, next_row in zip(pairwise(self.breaks), self.coefficients, self.coefficients[1:], strict=False):
             terms = [c * (b - a) ** k for k, c in enumerate(row)]
-            yield abs(sum(terms) - after[0]) > _ROUNDING * max(map(abs, (*terms, after[0])))
+            yield abs(sum(terms) - next_row[0]) > _ROUNDING * max(map(abs, (*terms, next_row[0])))
 
     @property
     def partials(self) -> External:
-        """Its derivative between breakpoints, a polynomial of one degree less on each segment."""
+        """The derivative between breakpoints, a polynomial of one degree less on each segment."""
         if self._slope is None:
-            below = [[k * c for k, c in enumerate(row)][1:] or [0.0] for row in self.coefficients]
-            self._slope = lookup(self.breaks, below, self.name)
+            derivative = [[k * c for k, c in enumerate(row)][1:] or [0.0] for row in self.coefficients]
+            self._slope = lookup(self.breaks, derivative, self.name)
         return self._slope
 
     def __reduce__(self) -> tuple[Any, ...]:

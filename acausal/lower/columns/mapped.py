@@ -86,7 +86,7 @@ def pays(found: Patterns) -> bool:
     """Whether columns are faster than scalar code, and can express all operations."""
     lengths = found.lengths
     total = sum(lengths)
-    rare = [one for stage in found.stages for one in stage.rare]
+    rare = [one for stage in found.stages for one in stage.few]
     return (
         bool(lengths)
         and all(type(one.op) is str and one.op != "homotopy" for one in rare)  # calls and delays are subclasses of str
@@ -171,7 +171,7 @@ class _Program:
         value: dict[int, Any] = {number: symbols[i] for i, number in enumerate(stage.needed)}
         value.update((number, ca.SX(v)) for number, v in self.patterns.numbers.items())
         for one in stage.few:
-            operands = (value[c] > 0.5 if i in one.decided else value[c] for i, (c,) in enumerate(one.operands))
+            operands = (value[c] > 0.5 if i in one.booleans else value[c] for i, (c,) in enumerate(one.operands))
             value[one.members[0]] = BUILD[one.op](*operands)
         made = [one.members[0] for one in stage.few]
         function = ca.Function(f"few{k}", [symbols], [ca.densify(ca.vertcat(*(value[n] for n in made)))])
@@ -181,7 +181,7 @@ class _Program:
 
     def _column(self, name: str, column: Column) -> None:
         operands = [
-            self._gathered(below) > 0.5 if i in column.decided else self._gathered(below)
+            self._gathered(below) > 0.5 if i in column.booleans else self._gathered(below)
             for i, below in enumerate(column.operands)
         ]
         value = BUILD[column.op](*operands)
