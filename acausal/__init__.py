@@ -149,7 +149,7 @@ _LAZY = {
 }
 
 
-# What methods of models, compiled models and results do, beyond the names above.
+# Functions that implement methods of models, compiled models and results, besides the names above.
 _METHODS = {
     "plot": "acausal.plot.plot",
     "component_html": "acausal.notebook.notebook",
@@ -178,10 +178,10 @@ def __getattr__(name: str) -> Any:
 
 
 class _Package(ModuleType):
-    """`flatten` and `simulate` each name a function and the subpackage it lives in: the attribute is the function.
+    """`flatten` and `simulate` each name a function and its subpackage; as attributes they are the functions.
 
-    The import system puts a subpackage into its parent when it is first imported, whoever imports it; that would
-    replace the function.
+    Without this class the import system would replace the function when it first imports the subpackage, because it
+    sets every subpackage as an attribute of its parent.
     """
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -1,4 +1,4 @@
-"""Garbage collection while much is made that lives."""
+"""Control of the garbage collector while many long-lived objects are made."""
 
 from __future__ import annotations
 
@@ -6,38 +6,39 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-# Objects that are worth a pass of their own over all that lives, and those that may wait for it without one.
-_MANY, _MOST = 100_000, 2_000_000
+# Least number of new objects that are moved to the oldest generation, and number of those objects after which the next
+# pause begins with a full collection.
+_LEAST_PROMOTED, _MOST_UNCOLLECTED = 100_000, 2_000_000
 
 
-class _Aged:
-    """Objects of this process that have been called old without being looked at, since the last look at all."""
+class _Promoted:
+    """Number of objects that have been moved to the oldest generation without a collection since the last full one."""
 
     count = 0
 
 
 @contextmanager
 def collector_paused() -> Iterator[None]:
-    """No cyclic garbage collection: a large model is millions of tuples without cycles, its passes cost a quarter.
+    """Pause cyclic garbage collection, which takes a quarter of the time for a model of millions of tuples.
 
-    What was made meanwhile is young when the collector goes on, so that it would walk through all of it at once, again
-    at its next step, and again at the one after that. Many objects are therefore called old as they are, which costs
-    nothing; the collector sees them with everything that is old. Once millions have grown old that way, the next pause
-    begins with a look at all, so that the models of a loop do not pile up.
+    Objects that are made during the pause belong to the youngest generation, so that the collector would traverse all
+    of them when it resumes, and twice more as they pass through the generations. If there are many, they are therefore
+    moved to the oldest generation directly, at no cost, and collected with it. After millions of such objects, the next
+    pause begins with a full collection, so that models made in a loop do not accumulate.
     """
     if not gc.isenabled():
-        yield  # within another pause, or the user's own wish
+        yield  # within another pause, or disabled by the user
         return
-    if _Aged.count > _MOST:
+    if _Promoted.count > _MOST_UNCOLLECTED:
         gc.collect()
-        _Aged.count = 0
+        _Promoted.count = 0
     gc.disable()
     try:
         yield
     finally:
         young = gc.get_count()[0]
-        if young > _MANY and gc.get_freeze_count() == 0:  # what a user has frozen stays frozen
+        if young > _LEAST_PROMOTED and gc.get_freeze_count() == 0:  # `unfreeze` must not release a user's objects
             gc.freeze()
-            gc.unfreeze()  # into the oldest generation
-            _Aged.count += young
+            gc.unfreeze()  # moves them to the oldest generation
+            _Promoted.count += young
         gc.enable()

@@ -1,4 +1,4 @@
-"""The description of one panel of a figure, apart from matplotlib so that models can declare their figures."""
+"""Description of one panel of a figure, independent of matplotlib, so that models can declare their figures."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 class Panel:
     """Signals that share one pair of axes.
 
-    Signals of one dimension share one vertical scale. Plain numbers share that of the quantity they stand beside, in
-    its SI unit, so that a set point without a unit can be compared with the value that follows it. A second quantity
-    has an axis at the right, and the legend says so.
+    Signals of one dimension share one vertical scale. Signals without a unit share the scale of the quantity in the
+    same panel, in its SI unit, so that a set point without a unit can be compared with the value that follows it. A
+    second quantity has an axis on the right, which the legend indicates.
 
     Parameters
     ----------

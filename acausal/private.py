@@ -1,9 +1,9 @@
-"""Files that this program writes for itself and trusts later on: compiled code, compiled models.
+"""Files that this program writes for itself and trusts later: compiled code, compiled models.
 
-What is found is run or believed. So a file's name ends in a digest of its bytes, keyed with a secret of its folder, and
-folder and files have to be this user's and nobody else's to write; where they are not, a private temporary folder takes
-their place (`docs/security.md`). One file is complete and right, or not there at all: it is renamed into place when it
-is ready, and two processes that write the same one at the same time do not disturb each other.
+Such files are executed or unpickled. Therefore the name of a file ends in a digest of its content, keyed with a secret
+of its folder, and the folder and its files must belong to this user and be writable by nobody else; otherwise a private
+temporary folder is used instead (`docs/security.md`). A file is either complete or absent: it is moved to its final
+name when it is complete, so that two processes may write the same file at the same time.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from functools import cache
 from pathlib import Path
 
 _log = logging.getLogger(__name__)
-_SECRET = 32
+_SECRET_LENGTH = 32
 
 
 def folder(kind: str) -> Path:
-    """Where files of a kind are kept: in `$ACAUSAL_CACHE`, else in the user's cache folder of this platform."""
+    """Folder for files of a kind: in `$ACAUSAL_CACHE`, else in the user's cache folder of this platform."""
     chosen = os.environ.get("ACAUSAL_CACHE")
     if chosen:
         return Path(chosen) / kind
@@ -41,29 +41,29 @@ def folder(kind: str) -> Path:
 
 
 def home(kind: str) -> Path:
-    """The folder to use: `folder(kind)`, or a temporary one where others could have put something into that."""
+    """The folder to use: `folder(kind)`, or a temporary one if others may have written to that."""
     wanted = folder(kind)
     try:
         wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
-        why = _distrusted(wanted)
+        reason = _reason_for_distrust(wanted)
     except OSError as error:
-        why = error.strerror or str(error)
-    return wanted if not why else _temporary(str(wanted), why)
+        reason = error.strerror or str(error)
+    return wanted if not reason else _temporary(str(wanted), reason)
 
 
 @cache
-def _temporary(instead: str, why: str) -> Path:
-    """A folder of this process alone; made once, with a note, and removed at its end."""
-    made = Path(tempfile.mkdtemp(prefix="acausal-"))
-    atexit.register(shutil.rmtree, made, ignore_errors=True)
-    _log.warning("what is compiled is not kept: %s, %s", instead, why)
-    return made
+def _temporary(rejected: str, reason: str) -> Path:
+    """A folder for this process only; made once, with a warning, and removed when the process ends."""
+    temporary = Path(tempfile.mkdtemp(prefix="acausal-"))
+    atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+    _log.warning("compiled code and models are not cached: %s, %s", rejected, reason)
+    return temporary
 
 
-def _distrusted(path: Path) -> str:
-    """Why files from a folder must not be believed; empty when nobody but this user can have written to it."""
+def _reason_for_distrust(path: Path) -> str:
+    """Why files from a folder must not be trusted; empty if only this user can have written to it."""
     if not hasattr(os, "geteuid"):
-        return ""  # Windows: the user's own folder has an access list of its own
+        return ""  # on Windows an access list protects the user's folder
     found = path.lstat()
     if not stat.S_ISDIR(found.st_mode):
         return "which is no folder"
@@ -71,37 +71,39 @@ def _distrusted(path: Path) -> str:
         return "which belongs to another user"
     if found.st_mode & 0o022:
         return "to which others may write: chmod 700 it, or delete it"
-    for above in path.absolute().parents:
-        mode = above.stat().st_mode
+    for parent in path.absolute().parents:
+        mode = parent.stat().st_mode
         if mode & 0o002 and not mode & stat.S_ISVTX:
-            return f"in {above}, where anybody may put another folder in its place"
+            return f"in {parent}, where anybody may put another folder in its place"
     return ""
 
 
 def _is_ours(path: Path) -> bool:
-    """Whether a file is a plain one of this user's, which nobody else may write."""
+    """Whether a file is a regular one that belongs to this user, and that nobody else may write."""
     found = path.lstat()
-    mine = not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
-    return stat.S_ISREG(found.st_mode) and mine
+    is_own = not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
+    return stat.S_ISREG(found.st_mode) and is_own
 
 
-def find(kind: str, wanted: str, suffix: str) -> Path | None:
-    """The file of this key; files that are not as this program has written them are removed."""
+def find(kind: str, key: str, suffix: str) -> Path | None:
+    """The file of this key, None if there is none; files that this program has not written are removed."""
     if not folder(kind).is_dir():
         return None
-    kept = home(kind)
-    for path in kept.glob(f"{wanted}-*{suffix}"):
+    directory = home(kind)
+    for path in directory.glob(f"{key}-*{suffix}"):
         with suppress(OSError):
-            if _is_ours(path) and hmac.compare_digest(digest(path.read_bytes(), kept), path.stem.rpartition("-")[2]):
+            if _is_ours(path) and hmac.compare_digest(
+                digest(path.read_bytes(), directory), path.stem.rpartition("-")[2]
+            ):
                 return path
         discard(path)
     return None
 
 
-def place(made: Path, kept: Path, wanted: str, suffix: str) -> Path:
-    """A file that is ready, moved into its folder under the name of its key."""
+def place(made: Path, directory: Path, key: str, suffix: str) -> Path:
+    """Move a complete file into its folder under the name of its key; return its path."""
     made.chmod(0o600)
-    found = kept / f"{wanted}-{digest(made.read_bytes(), kept)}{suffix}"
+    found = directory / f"{key}-{digest(made.read_bytes(), directory)}{suffix}"
     os.replace(made, found)
     return found
 
@@ -112,20 +114,20 @@ def discard(path: Path) -> None:
         path.unlink()
 
 
-def digest(content: bytes, kept: Path) -> str:
-    """What the name of a file with this content ends in."""
-    return hmac.new(_secret(kept), content, hashlib.sha256).hexdigest()[:32]
+def digest(content: bytes, directory: Path) -> str:
+    """The digest with which the name of a file with this content ends."""
+    return hmac.new(_secret(directory), content, hashlib.sha256).hexdigest()[:32]
 
 
-def _secret(kept: Path) -> bytes:
-    """The key of the digests in a folder, made when it is first needed; another process may be faster."""
-    path = kept / "secret"
+def _secret(directory: Path) -> bytes:
+    """The key of the digests in a folder; it is made on first use, possibly by another process at the same time."""
+    path = directory / "secret"
     with suppress(OSError):
-        if _is_ours(path) and len(found := path.read_bytes()) == _SECRET:
+        if _is_ours(path) and len(found := path.read_bytes()) == _SECRET_LENGTH:
             return found
-        discard(path)  # somebody else's, or cut short: what it has signed is made again
-    with tempfile.NamedTemporaryFile(dir=kept, prefix="secret-", delete=False) as file:  # mode 600
-        file.write(secrets.token_bytes(_SECRET))
+        discard(path)  # of another user, or truncated: files that it has signed are made again
+    with tempfile.NamedTemporaryFile(dir=directory, prefix="secret-", delete=False) as file:  # mode 600
+        file.write(secrets.token_bytes(_SECRET_LENGTH))
     try:
         os.link(file.name, path)
     except FileExistsError:

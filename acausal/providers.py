@@ -1,8 +1,8 @@
-"""Who does what for the packages below: `result.plot()` belongs to results, and is done by the package that draws.
+"""Functions of higher packages that methods in lower packages call, such as `result.plot()`, without an import cycle.
 
-A class below states such a method with the types that its callers see, and asks for who does it; the package above has
-the function. `acausal/__init__.py`, which knows every package and which none of them imports, says who does what. The
-module of a function is loaded when it is asked for.
+The class in the lower package declares the method with its types, and requests the function by name with `provided`.
+`acausal/__init__.py`, which may import every package and is imported by none of them, registers the module of each
+function. That module is loaded on the first request.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ _MODULES: dict[str, str] = {}
 
 
 def provide(modules: Mapping[str, str]) -> None:
-    """Say in which modules functions of these names are."""
+    """Register the modules of functions, by the names of the functions."""
     _MODULES.update(modules)
 
 
 def provided(name: str) -> Any:
-    """The function of that name."""
+    """The function of this name, whose module is loaded if necessary."""
     return getattr(import_module(_MODULES[name]), name)
 
 
 class Diagram(Protocol):
-    """A model's connections as a picture; `acausal.diagram` makes it."""
+    """A picture of the connections of a model; `acausal.diagram` makes it."""
 
     def svg(self) -> str:
         """The picture; UsageError AC084 without dukpy."""

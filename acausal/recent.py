@@ -1,4 +1,4 @@
-"""Values that cost something to make, kept as long as they are among those used last."""
+"""A cache of the most recently used values."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ V = TypeVar("V")
 
 
 class Recent(Generic[V]):
-    """Of many values those used last: at most `most`, whose sizes sum up to `room` at most; one at least.
+    """The values used last: at most `most`, with a total size of at most `room`, but always at least one.
 
-    Threads may share it. Two that miss the same value at once both make it.
+    Threads may share it; two threads that miss the same value at the same time both compute it.
     """
 
     def __init__(self, most: int, size: Callable[[V], int] = lambda _: 0, room: int = 0) -> None:
@@ -22,23 +22,23 @@ class Recent(Generic[V]):
         self._lock = threading.Lock()
 
     def get(self, key: Hashable) -> V | None:
-        """The value under this key, which is used by that; None if there is none."""
+        """The value of this key, which becomes the most recently used; None if there is none."""
         with self._lock:
             if key in self.entries:
                 self.entries.move_to_end(key)
             return self.entries.get(key)
 
     def put(self, key: Hashable, value: V) -> V:
-        """Keep a value, and return it."""
+        """Store a value, and return it."""
         with self._lock:
             self.entries[key] = value
             self.entries.move_to_end(key)
-            taken = sum(map(self.size, self.entries.values()))
-            while len(self.entries) > 1 and (len(self.entries) > self.most or taken > self.room):
-                taken -= self.size(self.entries.popitem(last=False)[1])
+            total = sum(map(self.size, self.entries.values()))
+            while len(self.entries) > 1 and (len(self.entries) > self.most or total > self.room):
+                total -= self.size(self.entries.popitem(last=False)[1])
         return value
 
     def clear(self) -> None:
-        """Forget all."""
+        """Remove all values."""
         with self._lock:
             self.entries.clear()

@@ -1,12 +1,12 @@
-"""Unit strings: read, compare, convert, print.
+"""Unit strings: parsing, comparison, conversion and printing.
 
 `parse` reads Modelica's spelling (`N.m/rad`, `kg/(m.s2)`, `s-1`) and the usual Python one (`N*m`, `m^2`, `m**2`).
-SI units with their prefixes and the common units of engineering are defined here, so that a model needs no unit
-package; any other name is looked up in pint, which is loaded at that moment only.
+SI units with their prefixes and common engineering units are defined here, so that a model needs no unit package; any
+other name is looked up in pint, which is loaded only then.
 
 A dimension is a tuple of the seven exponents of (m, kg, s, A, K, mol, cd). Angles, turns and ratios are dimensionless,
-as in the SI brochure (9th edition, table 4): N.m and N.m/rad, or 1/s and rad/s, agree. Values are not converted
-between Hz and rad/s all the same: as numbers of cycles and of radians they differ by 2 pi (`ambiguous`).
+as in the SI brochure (9th edition, table 4), so that N.m and N.m/rad, or 1/s and rad/s, agree. Nevertheless values are
+not converted between Hz and rad/s, because numbers of cycles and of radians differ by 2 pi (`ambiguous`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from acausal.errors import UnitError, nearest
 Dimension: TypeAlias = tuple[Fraction | int, ...]
 """Exponents of m, kg, s, A, K, mol, cd."""
 Scale: TypeAlias = Fraction | float
-"""Rational as long as possible: 9 mm is 0.009, not 0.009000000000000001."""
+"""Rational if possible: 9 mm is 0.009, not 0.009000000000000001."""
 
 DIMENSIONLESS: Dimension = (0, 0, 0, 0, 0, 0, 0)
 LENGTH: Dimension = (1, 0, 0, 0, 0, 0, 0)
@@ -119,10 +119,10 @@ _WITH_OFFSET: dict[str, tuple[Fraction, Fraction]] = {
     "\u00b0F": (Fraction(5, 9), Fraction("459.67") * Fraction(5, 9)),
 }
 
-# The names `format_dimension` prefers; N.m also stands for J, a torque being the commoner of the two here.
+# Names that `format_dimension` prefers; N.m also stands for J, because torques are more common here.
 _FRIENDLY = "N N.m W Pa Pa.s N/m C V Ohm F S Wb H T J/(kg.K) W/K W/(m.K)"
 
-# What an error message may offer, the commonest first.
+# Examples for error messages, the most common first.
 _EXAMPLES = (
     "mm um in g t ms min h deg rev rpm Hz kN MPa bar kW N/mm N/mm2 kJ degC mm/s mm/min mm2 l mA mV kohm uF mH % g/mm3"
 )
@@ -142,18 +142,17 @@ _MAX_EXPONENT = 99
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit as written, its dimension, and how it turns into the coherent SI unit of that dimension."""
+    """A unit as written, its dimension, and its conversion to the coherent SI unit of that dimension."""
 
     text: str  # the unit as the user wrote it
     dimension: Dimension  # exponents of (m, kg, s, A, K, mol, cd)
-    # `factor`, `offset`: value in SI = factor * value + offset; the offset is non-zero for temperature scales standing
-    # alone only.
+    # Value in SI = factor * value + offset; the offset is nonzero only for a temperature scale by itself.
     factor: float
     offset: float = 0.0
-    exact: Fraction | None = None  # the factor as a rational, or None where it holds pi or a root
+    exact: Fraction | None = None  # the factor as a rational number, or None if it contains pi or a root
 
 
-# Cached: asked once per operation of every equation, and nearly always for the same few dimensions.
+# Cached: called for every operation of every equation, nearly always with the same few dimensions.
 @lru_cache(maxsize=10_000)
 def multiply(a: Dimension, b: Dimension) -> Dimension:
     """Dimension of a product."""
@@ -173,7 +172,7 @@ def power(a: Dimension, exponent: Fraction | int) -> Dimension:
 
 
 def _whole(exponent: Fraction | int) -> Fraction | int:
-    # Integers add ten times faster than fractions, and nearly every exponent is one.
+    # Adding integers is ten times faster than adding fractions, and nearly all exponents are integers.
     return exponent.numerator if exponent.denominator == 1 else exponent
 
 
@@ -181,8 +180,8 @@ def _whole(exponent: Fraction | int) -> Fraction | int:
 def parse(unit: str) -> Unit:
     """Read a unit string; the empty string and "1" are dimensionless.
 
-    A product after a division (`J/kg.K`) is refused: Modelica forbids it, Python multiplies, and most people mean the
-    other thing.
+    A product after a division (`J/kg.K`) is refused: Modelica forbids it, and by the rules of Python it would mean
+    (J/kg).K, whereas most people mean J/(kg.K).
 
     Raises UnitError: AC150 when a name is unknown (the nearest known ones are listed) or the string cannot be read.
     """
@@ -201,7 +200,7 @@ def parse(unit: str) -> Unit:
 
 
 def declared(unit: str) -> Unit:
-    """The unit of a declaration, which is the coherent one of SI.
+    """The unit of a declaration, which must be a coherent SI unit.
 
     Raises UnitError: AC150 as `parse`, with advice that a declaration accepts, AC153 for a unit that has a factor or an
     offset.
@@ -227,7 +226,7 @@ def declared(unit: str) -> Unit:
 
 
 def is_coherent(unit: Unit | str) -> bool:
-    """Whether the unit is the SI-coherent one of its dimension, so that values in it need no conversion."""
+    """Whether the unit is the coherent SI unit of its dimension, so that values in it need no conversion."""
     unit = parse(unit) if isinstance(unit, str) else unit
     return unit.factor == 1.0 and unit.offset == 0.0
 
@@ -235,7 +234,7 @@ def is_coherent(unit: Unit | str) -> bool:
 def convert(text: str, unit: str) -> float:
     """The number in `text`, expressed in `unit`: `convert("16mm", "m")` is 0.016.
 
-    A number without a unit is in `unit` already. `unit` is normally SI-coherent, as declarations are.
+    A number without a unit is taken to be in `unit`, which is normally a coherent SI unit, as in declarations.
 
     Raises UnitError: AC150 for an unknown unit, AC151 when the dimensions differ, AC152 when there is no number to
     read.
@@ -252,10 +251,10 @@ def convert(text: str, unit: str) -> float:
 
 
 def ambiguous(given: str, wanted: str) -> str | None:
-    """Why a value in one unit is not taken in the other though their dimensions agree; None where it is.
+    """Why a value in one unit is not converted to the other although the dimensions agree; None if it is.
 
-    One counts cycles and the other one measures an angle: 60 rpm are 1 Hz to whoever turns a shaft, and 6.28 1/s to the
-    SI. A rate in 1/min may be either, and so may a quantity in 1/s, such as the rotational speed of a drill.
+    The reason is that one counts cycles and the other measures an angle: 60 rpm are 1 Hz to an engineer, but 6.28 1/s
+    in the SI. A rate in 1/min may be either, and so may a quantity in 1/s, such as the rotational speed of a drill.
     """
     (given_cycles, given_angle), (wanted_cycles, wanted_angle) = _rotation(given), _rotation(wanted)
     if (given_cycles and wanted_angle and not wanted_cycles) or (given_angle and wanted_cycles and not given_cycles):
@@ -263,13 +262,13 @@ def ambiguous(given: str, wanted: str) -> str | None:
     rate = parse("1/s").dimension
     if given_angle == wanted_angle or parse(given).dimension != rate or parse(wanted).dimension != rate:
         return None
-    if parse(given).factor == 1.0 == parse(wanted).factor:  # the SI takes rad/s for 1/s, as equations do
+    if parse(given).factor == 1.0 == parse(wanted).factor:  # rad/s and 1/s are the same in the SI and in equations
         return None
     return f"{_quoted(wanted if given_angle else given)} may count turns or radians, which differ by 2 pi"
 
 
 def is_angular(unit: str) -> bool:
-    """Whether a unit measures angles, by one of its names: deg, rad/s, rpm, N.m/rad."""
+    """Whether a unit contains an angle by one of its names: deg, rad/s, rpm, N.m/rad."""
     return _rotation(unit)[1]
 
 
@@ -305,14 +304,14 @@ def _converted(digits: str, suffix: str, unit: str) -> float:
 
 def _in(digits: str, source: Unit, target: Unit) -> float:
     value = float(digits)
-    moderate = 1e-150 < abs(value) < 1e150 and len(digits) < 100
-    if moderate and source.exact and target.exact and not source.offset and not target.offset:
+    is_moderate = 1e-150 < abs(value) < 1e150 and len(digits) < 100
+    if is_moderate and source.exact and target.exact and not source.offset and not target.offset:
         return float(Fraction(digits) * source.exact / target.exact)
     return (source.factor * value + source.offset - target.offset) / target.factor
 
 
 def in_si(value: float, unit: str) -> float:
-    """`value` of `unit` in the coherent SI unit of its dimension: 16 of "mm" is 0.016, 20 of "degC" is 293.15.
+    """`value` in `unit`, converted to the coherent SI unit: 16 of "mm" is 0.016, 20 of "degC" is 293.15.
 
     Raises UnitError: AC150 for an unknown unit.
     """
@@ -321,7 +320,7 @@ def in_si(value: float, unit: str) -> float:
 
 
 def format_dimension(dimension: Dimension) -> str:
-    """A dimension in SI units: "N", "m/s2", "1"; base units such as "kg.m2/s" where no common name exists."""
+    """A dimension in SI units: "N", "m/s2", "1"; in base units such as "kg.m2/s" if there is no common name."""
     name = _friendly_names().get(dimension)
     if name is not None:
         return name
@@ -352,7 +351,7 @@ def _friendly_names() -> dict[Dimension, str]:
 
 
 class _Reader:
-    """Recursive descent over one unit string.
+    """Recursive descent parser of one unit string.
 
     expression = factor { ("." | "*" | blank | "/") factor };  factor = ("(" expression ")" | number | name) [exponent]
     """
@@ -394,7 +393,7 @@ class _Reader:
             if not self.take(r"\s*\)"):
                 raise self.unreadable("a bracket is not closed")
         elif number := self.take(r"[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?"):
-            self.bounded(float(number))  # before the rational: 1e999999999 would fill the memory
+            self.bounded(float(number))  # before making a Fraction, because 1e999999999 would fill the memory
             scale = Fraction(number)
         elif name := self.take(r"\u00b0[CF]?|%|[^\W\d]+"):
             dimension, scale = _symbol(name, self.text)
@@ -421,7 +420,7 @@ class _Reader:
         if abs(exponent * math.log10(scale)) > 300:
             raise self.out_of_range()
         if scale == 1:
-            return scale  # Fraction(1) ** Fraction(1, 2) would turn into a float
+            return scale  # Fraction(1) ** Fraction(1, 2) would be a float
         result = scale**exponent
         return result if isinstance(result, (Fraction, float)) else float(result)
 
@@ -449,7 +448,7 @@ def _is_own(name: str) -> bool:
 
 
 def _symbol(name: str, text: str) -> tuple[Dimension, Scale]:
-    """Dimension and factor of one name inside the unit `text`; a temperature scale counts as a difference here."""
+    """Dimension and factor of one name in the unit `text`; a temperature scale counts as a difference there."""
     known = _lookup(name)
     if known is not None:
         return known
@@ -461,7 +460,7 @@ def _symbol(name: str, text: str) -> tuple[Dimension, Scale]:
 
 @cache
 def _lookup(name: str) -> tuple[Dimension, Scale] | None:
-    """Dimension and factor of a name of the tables above; the whole name comes before prefix + name (min, cd, Pa)."""
+    """Dimension and factor of a name in the tables above; whole names precede prefix + name (min, cd, Pa)."""
     if name in _SI:
         return _SI[name]
     definition = _WITH_PREFIX.get(name) or _WITHOUT_PREFIX.get(name)
@@ -485,7 +484,7 @@ def _from_pint(name: str, text: str) -> Unit:
 
     registry = pint.application_registry
     readings = registry.parse_unit_name(name)
-    # pint takes Ns for "newtons" and Nm for the yarn count; whoever writes them means N.s and N.m.
+    # pint reads Ns as "newtons" and Nm as the yarn count, but N.s and N.m are meant.
     plural_symbol = any(suffix and _is_own(name.removesuffix(suffix)) for _, _, suffix in readings)
     if not readings or plural_symbol or name == "Nm":
         raise _unknown(name, text)
@@ -507,7 +506,7 @@ def _from_pint(name: str, text: str) -> Unit:
 
 
 def _candidates(name: str) -> list[str]:
-    """Known names near an unknown one, the likeliest first."""
+    """Known names that resemble an unknown one, the most likely first."""
     names = [*_SI, *_WITH_PREFIX, *_WITHOUT_PREFIX, *_WITH_OFFSET]
     products = [f"{name[:i]}.{name[i:]}" for i in range(1, len(name)) if _is_own(name[:i]) and _is_own(name[i:])]
     prefixed = [p + n for p in _PREFIXES for n in (*_SI, *_WITH_PREFIX)]
@@ -527,11 +526,11 @@ def _quoted(unit: str) -> str:
 
 
 def _accepted(unit: str) -> str:
-    """What `convert` takes for a quantity in `unit`, with units of the same dimension as examples."""
+    """Advice on what `convert` accepts for a quantity in `unit`, with units of the same dimension as examples."""
     dimension = parse(unit).dimension
     fitting = [name for name in _EXAMPLES.split() if parse(name).dimension == dimension and name != unit.strip()]
-    own = unit.strip() or "1"
+    unit_text = unit.strip() or "1"
     if not fitting:
-        return f"give a number in {own}, or a number with a unit of the same dimension"
+        return f"give a number in {unit_text}, or a number with a unit of the same dimension"
     examples = ", ".join(fitting[:5])
-    return f"give a number in {own}, or a number with one of {examples} or another unit of the same dimension"
+    return f"give a number in {unit_text}, or a number with one of {examples} or another unit of the same dimension"

@@ -15,17 +15,17 @@ from acausal.structure import Incidence, dulmage_mendelsohn, match, minimal_over
 
 
 def balance(reduced: ReducedSystem) -> None:
-    """Refuse systems whose equations cannot determine the unknowns, derivatives counting as their variable.
+    """Refuse systems whose equations cannot determine the unknowns; a derivative counts as its variable.
 
-    Raises StructureError with the probable cause (AC203 ... AC209) where one is found; else AC201 when an unknown has
-    no equation, AC202 when there is an equation too many, with the smallest set of equations and unknowns that shows
-    it.
+    Raises StructureError with the probable cause (AC203 ... AC209) if one is found; else AC201 if an unknown has no
+    equation, AC202 if there is an equation too many, with the smallest set of equations and unknowns that proves it.
     """
     root = _roots(reduced)
     chains = sorted({root[v] for v in range(reduced.pool.n_variables)} - set(reduced.inputs))
-    place = {v: k for k, v in enumerate(chains)}
+    column_of = {v: k for k, v in enumerate(chains)}
     rows = [
-        sorted({place[root[v]] for v in reduced.pool.variables_in(r) if root[v] in place}) for r in reduced.residuals
+        sorted({column_of[root[v]] for v in reduced.pool.variables_in(r) if root[v] in column_of})
+        for r in reduced.residuals
     ]
     incidence = Incidence.from_rows(rows, len(chains))
     matched = match(incidence)
@@ -43,15 +43,15 @@ def balance(reduced: ReducedSystem) -> None:
     over = min((minimal_over(incidence, r, matched) for r in free_rows), key=lambda s: len(s.rows), default=None)
     surplus = [equations[r] for r in over.rows] if over is not None else []
     if free_columns:
-        found = [minimal_under(incidence, c, matched) for c in free_columns]
-        smallest = min(found, key=lambda s: len(s.columns))
+        subsets = [minimal_under(incidence, c, matched) for c in free_columns]
+        smallest = min(subsets, key=lambda s: len(s.columns))
         variables = [chains[c] for c in smallest.columns]
         raise _under(reduced, variables, [equations[r] for r in smallest.rows], len(free_columns), surplus)
     raise _over(reduced, surplus, [chains[c] for c in over.columns] if over else [], len(free_rows))
 
 
 def _refuse_superfluous(reduced: ReducedSystem) -> None:
-    """Equations that follow from others have been left out; in a sound model they are none too many to begin with."""
+    """Refuse a model with too many equations although the system is balanced, as redundant ones have been left out."""
     flat = reduced.flat
     if len(flat.equations) <= flat.n_scalars - len(flat.inputs):
         return
@@ -86,7 +86,7 @@ def _under(
     evidence = [f"under-determined part ({counted(len(equations), 'equation')}, {counted(len(variables), 'unknown')}):"]
     evidence += [f"  unknowns: {listed(names, 8)}", *lines(flat, equations)]
     if surplus:
-        evidence += ["while these are too many for what they hold:", *lines(flat, surplus, 4)]
+        evidence += ["while these are too many for their unknowns:", *lines(flat, surplus, 4)]
     redundant = [flat.equations[k] for k in reduced.redundant if k >= 0]
     if redundant:
         evidence += ["while this follows from other equations:", *lines(flat, redundant, 3)]
@@ -97,7 +97,7 @@ def _under(
         where=[s for c in components[:2] for s in made_at(flat, c)] or [s for e in equations[:1] for s in span_of(e)],
         evidence=evidence,
         cause=cause or "an equation is missing, or a connector is not connected",
-        help=advice or "state one more equation for these variables, or connect what determines them",
+        help=advice or "state one more equation for these variables, or connect a component that determines them",
     )
 
 

@@ -20,12 +20,12 @@ from acausal.language.declarations.declaration import Kind
 
 
 def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError | None:
-    """The error that names the cause, or None when none of the known ones is found.
+    """The error that names the cause, or None if none of the known causes applies.
 
-    It is asked only when a model has been found singular, so that sound models pay nothing.
+    It is called only for models that are known to be singular, so that regular models pay nothing.
 
-    `by_structure`: The structure alone shows that the model is singular: then the smallest set of equations that proves
-    it says more than numbers do, unless a single equation holds no unknown.
+    `by_structure` means that the structure alone proves that the model is singular. The smallest set of equations that
+    proves it then says more than null vectors do, except for a single equation without unknowns.
     """
     found = open_inputs(flat)
     if found is None and (by_structure or len(flat.equations) != flat.n_scalars - len(flat.inputs)):
@@ -51,7 +51,7 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
 
 
 def contradiction(flat: FlatSystem, equation: FlatEquation, value: float) -> StructureError:
-    """The error for an equation that reads `value == 0` once everything known has been put in: the cause, or AC205."""
+    """The error for an equation that reads `value == 0` after all known values are inserted: the cause, or AC205."""
     found = probable(flat)
     if found is not None:
         return found
@@ -59,14 +59,14 @@ def contradiction(flat: FlatSystem, equation: FlatEquation, value: float) -> Str
         "AC205",
         f"{flat.name}: an equation of {label(flat, equation.component)} contradicts the others",
         where=span_of(equation) or made_at(flat, equation.component),
-        evidence=[line(flat, equation), f"with everything known put in it reads 0 == {-value:g}"],
+        evidence=[line(flat, equation), f"with all known values inserted, it reads 0 == {-value:g}"],
         cause="two components prescribe the same quantity with different values",
         help="remove one of the prescriptions, or put something compliant between them",
     )
 
 
 def open_inputs(flat: FlatSystem) -> StructureError | None:
-    """AC209 when an input of a component has neither connection nor binding, nor an equation of the owner."""
+    """AC209 if an input of a component has neither a connection, nor a binding, nor an equation of the owner."""
     inputs = [v for v in flat.variables if v.declaration.kind is Kind.INPUT and "." in v.path]
     if not inputs:
         return None
@@ -76,9 +76,9 @@ def open_inputs(flat: FlatSystem) -> StructureError | None:
         readers.setdefault(v.first, set()).add(component_of(flat, v.path))
     candidates = [v for v in inputs if v.first not in driven and not _bound_above(flat, v)]
     if candidates:
-        wanted = {v.first for v in candidates}
+        open_scalars = {v.first for v in candidates}
         for e in flat.equations:
-            for scalar in wanted & flat.pool.variables_in(e.left, e.right):
+            for scalar in open_scalars & flat.pool.variables_in(e.left, e.right):
                 if isinstance(e.source, str) or e.component not in readers[scalar]:
                     driven.add(scalar)
     found = [v for v in candidates if v.first not in driven]
@@ -86,7 +86,7 @@ def open_inputs(flat: FlatSystem) -> StructureError | None:
 
 
 def _bound_above(flat: FlatSystem, variable: FlatVariable) -> bool:
-    """True when the input is handed down from an input of the model itself."""
+    """True if the input is connected to an input of the model itself."""
     return any(
         v.first == variable.first and v.declaration.kind is Kind.INPUT and "." not in v.path for v in flat.variables
     )
@@ -108,6 +108,6 @@ def _open(flat: FlatSystem, found: list[FlatVariable]) -> StructureError:
         f"{flat.name}: input {first.path} is not connected",
         where=made_at(flat, path),
         evidence=evidence,
-        cause=cause or "an input gets its value from outside the component; nothing gives it one",
+        cause=cause or "an input gets its value from outside of its component, and nothing provides one",
         help=advice or f"connect it to an output, or bind it where it is made: {cls.__name__}({name}=...)",
     )

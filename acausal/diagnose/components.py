@@ -1,7 +1,7 @@
-"""Components that state too few or too many equations for what they declare.
+"""Components that state too few or too many equations for their unknowns.
 
-Connections bring one equation for every potential of a connector (Modelica 3.6, section 4.8), so a component has to
-state one for each of its own variables and one for each flow of its connectors.
+Connections contribute one equation for every potential of a connector (Modelica 3.6, section 4.8), so that a component
+has to state one for each of its own variables and one for each flow of its connectors.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ class _Count:
     is_oriented: bool = False
     is_composite: bool = False
 
-    def off(self) -> int:
-        """Equations too many (positive) or too few (negative); 0 where it cannot be told."""
+    def imbalance(self) -> int:
+        """Number of equations too many (positive) or too few (negative); 0 if it cannot be decided."""
         if self.is_oriented:
             return 0
         least = sum(v.size for v in self.own)
         most = least + sum(v.size for v in self.flows)
         if not self.is_composite:
             return len(self.stated) - most
-        # Inside a composite, connections may state the flows of its own connectors.
+        # Inside a composite, connections may determine the flows of its own connectors.
         return min(len(self.stated) - least, 0) or max(len(self.stated) - most, 0)
 
 
 def unbalanced_component(flat: FlatSystem) -> StructureError | None:
-    """AC201 or AC202 when a component is to blame by itself."""
+    """AC201 or AC202 if a single component is the cause."""
     missing = flat.n_scalars - len(flat.inputs) - len(flat.equations)
     counts = _counts(flat)
     if missing == 0:
         return _both_ways(flat, counts)
-    guilty = [p for p, c in counts.items() if c.off() * missing < 0]
-    if not guilty:
+    unbalanced = [p for p, c in counts.items() if c.imbalance() * missing < 0]
+    if not unbalanced:
         return None
-    path = min(guilty, key=lambda p: (counts[p].is_composite, p.count("."), p))
-    alike = [p for p in guilty if p != path and flat.components[p].cls is flat.components[path].cls]
+    path = min(unbalanced, key=lambda p: (counts[p].is_composite, p.count("."), p))
+    alike = [p for p in unbalanced if p != path and flat.components[p].cls is flat.components[path].cls]
     return (_too_few if missing > 0 else _too_many)(flat, path, counts[path], alike)
 
 
 def _both_ways(flat: FlatSystem, counts: dict[str, _Count]) -> StructureError | None:
-    """One component without parts states as many equations too few as another states too many."""
-    off = {p: c.off() for p, c in counts.items() if not c.is_composite and c.off()}
-    few, many = ([p for p in off if off[p] * sign > 0] for sign in (-1, 1))
+    """AC201 if one component without parts has too few equations and another too many, which balance each other."""
+    imbalance = {p: c.imbalance() for p, c in counts.items() if not c.is_composite and c.imbalance()}
+    few, many = ([p for p in imbalance if imbalance[p] * sign > 0] for sign in (-1, 1))
     if not few or not many:
         return None
     found = _too_few(flat, few[0], counts[few[0]], [])
@@ -81,10 +81,10 @@ def _both_ways(flat: FlatSystem, counts: dict[str, _Count]) -> StructureError | 
 def _counts(flat: FlatSystem) -> dict[str, _Count]:
     counts = {p: _Count() for p, c in flat.components.items() if not c.is_connector}
     for path, component in flat.components.items():
-        above = component_of(flat, path)
-        if path and not component.is_connector and above in counts:
-            counts[above].is_composite = True
-    computed: dict[int, str] = {}  # the innermost output of those that are connected: it is the one that is computed
+        owner = component_of(flat, path)
+        if path and not component.is_connector and owner in counts:
+            counts[owner].is_composite = True
+    computed: dict[int, str] = {}  # of connected outputs the innermost, which is the one that an equation computes
     for v in flat.variables:
         if v.declaration.kind is Kind.OUTPUT and v.path.count(".") >= computed.get(v.first, "").count("."):
             computed[v.first] = v.path
@@ -104,7 +104,7 @@ def _counts(flat: FlatSystem) -> dict[str, _Count]:
 
 
 def _of_connection(equation: FlatEquation, inputs: set[str]) -> bool:
-    """True for what connections state, and for the binding of an input."""
+    """True for an equation that comes from a connection, and for the binding of an input."""
     source = equation.source
     if not isinstance(source, str):
         return False
@@ -119,13 +119,13 @@ def _too_few(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> St
     used |= {flat.pool.integral_of[k] for k in used if k in flat.pool.integral_of}
     unused = [v for v in count.own + count.flows if not used & set(range(v.first, v.first + v.size))]
     unknowns = sum(v.size for v in (*count.own, *count.flows))
-    # The hint beside a flow speaks of a flow that nothing takes up, not of a component that forgets to state it.
+    # The hint of a flow is about a flow that no component takes up, not about a component without an equation for it.
     cause, advice = hint(v.declaration for v in unused or count.own if v.declaration.kind is not Kind.FLOW)
     return StructureError(
         "AC201",
-        subject(flat, _balance(count), path) + (f"; none holds {listed(v.path for v in unused)}" if unused else ""),
+        subject(flat, _balance(count), path) + (f"; none contains {listed(v.path for v in unused)}" if unused else ""),
         where=[*made_at(flat, path), *stated_at(cls)],
-        evidence=[f"unknowns: {listed(declared, 8)}", *_stated(flat, count.stated), *_also(cls.__name__, alike)],
+        evidence=[f"unknowns: {listed(declared, 8)}", *_stated(flat, count.stated), *_alike_text(cls.__name__, alike)],
         cause=cause or "a component needs one equation for each own variable and one for each flow of its connectors",
         help=advice or f"state {counted(unknowns - len(count.stated), 'more equation')} in {cls.__name__}.equations",
     )
@@ -140,7 +140,7 @@ def _stated(flat: FlatSystem, equations: list[FlatEquation]) -> list[str]:
     return ["equations:", *lines(flat, equations)] if equations else ["equations: none"]
 
 
-def _also(cls: str, alike: list[str]) -> list[str]:
+def _alike_text(cls: str, alike: list[str]) -> list[str]:
     return [f"so do the other {cls}: {listed(alike, 4)}"] if alike else []
 
 
@@ -148,36 +148,36 @@ def _too_many(flat: FlatSystem, path: str, count: _Count, alike: list[str]) -> S
     cls = flat.components[path].cls
     unknowns = sum(v.size for v in (*count.own, *count.flows))
     surplus = len(count.stated) - unknowns
-    bound = [e for e in count.stated if isinstance(e.source, str)]
-    blamed = bound or (count.stated if unknowns == 0 else [])
+    bindings = [e for e in count.stated if isinstance(e.source, str)]
+    surplus_equations = bindings or (count.stated if unknowns == 0 else [])
     fact = subject(flat, _balance(count), path)
-    if len(blamed) == 1:
-        fact += f": `{flat.text(blamed[0])}` is one too many"
+    if len(surplus_equations) == 1:
+        fact += f": `{flat.text(surplus_equations[0])}` is one too many"
     cause = "a component needs one equation for each own variable and one for each flow of its connectors, no more"
-    if bound:
+    if bindings:
         cause = "the constructor binds a variable that the component determines by its own equations"
-    elif blamed:
-        ends = _loose(flat, blamed)
-        cause = "the variables of its parts are determined by the parts and their connections already"
+    elif surplus_equations:
+        ends = _loose(flat, surplus_equations)
+        cause = "the parts and their connections already determine the variables of the parts"
         if ends:
             cause = f"{listed(ends)} is not connected, so its flow is zero; it cannot be given a potential as well"
-    advice = _advice(bound, blamed, surplus, cls.__name__)
+    advice = _advice(bindings, surplus_equations, surplus, cls.__name__)
     base = _restated(cls, count.stated)
     if base is not None:
-        cause = f"`super().equations()` states the equations of {base.__name__} once more: a subclass inherits them"
-        advice = "state only what is new, without `yield from super().equations()`"
+        cause = f"`super().equations()` repeats the equations of {base.__name__}, which a subclass inherits anyway"
+        advice = "state the new equations only, without `yield from super().equations()`"
     return StructureError(
         "AC202",
         fact,
-        where=places(flat, blamed[:1]) or [*made_at(flat, path), *stated_at(cls)],
-        evidence=[*_stated(flat, count.stated), *_also(cls.__name__, alike)],
+        where=places(flat, surplus_equations[:1]) or [*made_at(flat, path), *stated_at(cls)],
+        evidence=[*_stated(flat, count.stated), *_alike_text(cls.__name__, alike)],
         cause=cause,
         help=advice,
     )
 
 
 def _restated(cls: type[Component], stated: list[FlatEquation]) -> type[Component] | None:
-    """The base class with an equation that its subclass `cls` states again, from the same place of the source."""
+    """The base class with an equation that its subclass `cls` repeats, from the same place in the source."""
     seen = set()
     for e in stated:
         place = (e.origin, e.left, e.right)
@@ -200,7 +200,7 @@ def _advice(bound: list[FlatEquation], blamed: list[FlatEquation], surplus: int,
 
 
 def _loose(flat: FlatSystem, equations: list[FlatEquation]) -> list[str]:
-    """Connectors in these equations that nothing is connected to."""
-    held = {k for e in equations for k in flat.pool.variables_in(e.left, e.right)}
-    paths = {connector_of(flat, v.path) for v in flat.variables if held & set(range(v.first, v.first + v.size))}
+    """Connectors in these equations to which nothing is connected."""
+    scalars = {k for e in equations for k in flat.pool.variables_in(e.left, e.right)}
+    paths = {connector_of(flat, v.path) for v in flat.variables if scalars & set(range(v.first, v.first + v.size))}
     return loose(flat, sorted(filter(None, paths)))

@@ -1,4 +1,4 @@
-"""Defects of constraints: those that show only when constraints are differentiated, and loops with too many of them."""
+"""Defects of constraints: those that appear only when constraints are differentiated, and overconstrained loops."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from acausal.flatten.reduced import ReducedSystem
 
 
 def differentiated_input(reduced: ReducedSystem, variable: int) -> StructureError:
-    """AC207: a free input of the model is prescribed where its derivative is needed."""
+    """AC207: an input of the model is prescribed where its derivative is needed."""
     flat = reduced.flat
     name = reduced.name(variable)
     names = names_of(flat, [reduced.scalar[variable]])
@@ -28,16 +28,15 @@ def differentiated_input(reduced: ReducedSystem, variable: int) -> StructureErro
         f"{flat.name}: the time derivative of input {name} is needed, which {owners} prescribes as a motion",
         where=[s for e in users[:1] for s in made_at(flat, e.component)] or made_at(flat, ""),
         evidence=[f"the signal reaches: {listed(names)}", *lines(flat, users, 4)],
-        cause="the values of an input are known only while the model runs, its derivative is not",
+        cause="only the values of an input are known during a run, not its derivative",
         help="prescribe its highest derivative (Speed or Accelerate instead of Position), or filter it in the model",
     )
 
 
 def undetermined(reduced: ReducedSystem, left: Sequence[int], open_ones: Sequence[int]) -> StructureError:
-    """The error for a system that is balanced as it stands but not after constraints have been differentiated.
+    """The error for a system that is balanced, but no longer so after constraints have been differentiated.
 
-    `left`: Flat equations that determine nothing.
-    `open_ones`: Reduced variables without an equation.
+    `left` are flat equations that determine nothing, `open_ones` reduced variables without an equation.
     """
     flat = reduced.flat
     found = probable(flat)
@@ -52,19 +51,18 @@ def undetermined(reduced: ReducedSystem, left: Sequence[int], open_ones: Sequenc
         where=[s for e in equations[:2] for s in span_of(e)] or made_at(flat, ""),
         evidence=[f"not determined: {listed(names)}"]
         + (["these equations are left over:", *lines(flat, equations)] if equations else []),
-        cause="a constraint follows from the others, perhaps only for these values of the parameters",
+        cause="a constraint follows from the others, possibly only for these values of the parameters",
         help="remove one of the constraints, or change the values that make them equal",
     )
 
 
 def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> None:
-    """Stop index reduction that does not end because the equations are singular by their numbers.
+    """Stop an index reduction that does not end because the equations are numerically singular.
 
-    Pantelides' algorithm ends on what is structurally regular, but after as many differentiations as there are
-    equations when the numbers cancel, and every one multiplies the size of a nonlinear expression.
+    Pantelides' algorithm terminates for structurally regular systems. If coefficients cancel, however, it takes as many
+    differentiations as there are equations, and each of them multiplies the size of a nonlinear expression.
 
-    `equation`: Flat equation that is about to be differentiated once more.
-    `at_last`: Refuse in any case.
+    `equation` is the flat equation that is about to be differentiated once more; `at_last` refuses in any case.
     """
     flat = reduced.flat
     found = probable(flat)
@@ -72,34 +70,34 @@ def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> 
         e = flat.equations[equation]
         found = StructureError(
             "AC208",
-            f"{flat.name}: an equation of {label(flat, e.component)} would have to be differentiated for ever",
+            f"{flat.name}: an equation of {label(flat, e.component)} would have to be differentiated forever",
             where=span_of(e) or made_at(flat, e.component),
             evidence=lines(flat, [e]),
             cause="this constraint follows from the others, or contradicts them",
-            help="remove it, or replace a rigid component by one that can give way",
+            help="remove it, or replace a rigid component by a compliant one",
         )
     if found is not None:
         raise found
 
 
 def overconstrained_loop(reduced: ReducedSystem, undetermined: Sequence[int]) -> StructureError | None:
-    """AC206 when cut forces around a closed loop of frames are what cannot be determined.
+    """AC206 if the undetermined variables are cut forces around a closed loop of frames.
 
-    `undetermined`: Reduced variables of the under-determined part.
+    `undetermined` are the reduced variables of the under-determined part.
     """
     flat = reduced.flat
     if not flat.loops:
         return None
     scalars = [s for v in undetermined for s in reduced.aliases.get(v, ()) if is_cut_force(flat, s)]
-    around = {c for loop in flat.loops for c in loop.components}
-    if not any(component_of(flat, flat.owner[s].path) in around for s in scalars):
+    loop_components = {c for loop in flat.loops for c in loop.components}
+    if not any(component_of(flat, flat.owner[s].path) in loop_components for s in scalars):
         return None
     forces = [flat.scalar_name(s) for s in scalars if connector_of(flat, flat.owner[s].path)]
     return loop_error(flat, forces, [])
 
 
 def redundant_constraints(reduced: ReducedSystem, equations: Sequence[FlatEquation]) -> StructureError:
-    """AC206 for constraints, by their equations, that follow from others wherever the model can be."""
+    """AC206 for constraints, given by their equations, that follow from others in every position of the model."""
     flat = reduced.flat
     if flat.loops:
         return loop_error(flat, [], equations)
@@ -112,6 +110,6 @@ def redundant_constraints(reduced: ReducedSystem, equations: Sequence[FlatEquati
         f"{flat.name}: {counted(len(equations), 'constraint')} of {listed(owners, 3)} cannot be told from the others",
         where=[s for e in equations[:2] for s in span_of(e)] or made_at(flat, ""),
         evidence=lines(flat, equations, 4),
-        cause="these constraints follow from the others, or contradict them, wherever the model can be",
-        help="remove one of them, or replace a rigid component by one that can give way",
+        cause="these constraints follow from the others, or contradict them, in every position of the model",
+        help="remove one of them, or replace a rigid component by a compliant one",
     )

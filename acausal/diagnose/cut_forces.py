@@ -15,17 +15,17 @@ from acausal.language.declarations.declaration import Kind
 
 
 def constrained_loop(numbers: Pencil) -> StructureError | None:
-    """AC206 when what a combination of equations leaves open are cut forces around a closed loop of frames."""
+    """AC206 if dependent equations leave cut forces around a closed loop of frames undetermined."""
     flat = numbers.flat
-    around = {c for loop in flat.loops for c in loop.components}
+    loop_components = {c for loop in flat.loops for c in loop.components}
     for y in numbers.dependent():
         open_ones = [k for d in numbers.free() if touch(flat, y, d) for k in d if is_cut_force(flat, k)]
         forces = [flat.scalar_name(k) for k in open_ones]
-        if any(component_of(flat, flat.owner[k].path) in around for k in open_ones):
+        if any(component_of(flat, flat.owner[k].path) in loop_components for k in open_ones):
             return loop_error(flat, forces, [])
         equations = [flat.equations[i] for i in sorted(y)]
         members = [c for c in dict.fromkeys(e.component for e in equations if not isinstance(e.source, str)) if c]
-        if forces and not around and len(set(members) & _in_rings(flat)) > 2:
+        if forces and not loop_components and len(set(members) & _in_rings(flat)) > 2:
             return _ring_error(flat, members, forces, equations)
     return None
 
@@ -33,7 +33,7 @@ def constrained_loop(numbers: Pencil) -> StructureError | None:
 def _ring_error(
     flat: FlatSystem, members: Sequence[str], forces: Sequence[str], equations: Sequence[FlatEquation]
 ) -> StructureError:
-    """The error for a loop that needs no cut, because one of its joints leaves the orientation free."""
+    """The error for a loop that is not cut, because one of its joints leaves the orientation free."""
     framed = {component_of(flat, path) for path, c in flat.components.items() if c.is_connector and _is_frame(c.cls)}
     ring = [c for c in members if c in framed]
     return StructureError(
@@ -41,13 +41,13 @@ def _ring_error(
         f"{flat.name}: the closed loop of {listed(ring, 8)} is overconstrained",
         where=[s for c in ring[-3:] for s in made_at(flat, c)],
         evidence=[f"not determined: {listed(forces, 4)}", "constrained by:", *lines(flat, equations, 6)],
-        cause="its joints leave fewer motions than it takes to close the loop: in space these are six",
+        cause="its joints have fewer degrees of freedom than closing the loop takes, which is six in space",
         help="replace one of its joints by one with more freedom, or remove a rigid connection",
     )
 
 
 def _in_rings(flat: FlatSystem) -> set[str]:
-    """Components that are left when those at the ends of open chains of frames are taken off, one after the other."""
+    """Components that remain when those at the ends of open chains of frames are removed, one after the other."""
     junction: dict[str, int] = {}  # of each frame: connected potentials are one variable
     for v in flat.variables:
         path = connector_of(flat, v.path)
@@ -78,11 +78,11 @@ def is_cut_force(flat: FlatSystem, scalar: int) -> bool:
 
 
 def loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[FlatEquation]) -> StructureError:
-    """The error for the shortest loop, with the forces that are left open or the constraints that are too many."""
+    """The error for the shortest loop, with the undetermined forces or the surplus constraints."""
     loops = list(flat.loops)
-    held = {component_of(flat, f) for f in forces} | {e.component for e in equations}
-    # The one whose members all carry what is not determined; of several, the shortest.
-    loop = min(loops, key=lambda one: (-len(held & set(one.components)) / len(one.components), len(one.components)))
+    involved = {component_of(flat, f) for f in forces} | {e.component for e in equations}
+    # The loop with the largest fraction of components involved; of several, the shortest.
+    loop = min(loops, key=lambda one: (-len(involved & set(one.components)) / len(one.components), len(one.components)))
     moving = {component_of(flat, v.path) for v in flat.variables if v.declaration.prefer_state}
     joints = [c for c in loop.components if c in moving]
     cause, advice = hint(
@@ -93,7 +93,7 @@ def loop_error(flat: FlatSystem, forces: Sequence[str], equations: Sequence[Flat
         if d.kind is Kind.FLOW
     )
     if not joints:
-        cause = "nothing in this loop can move: its parts hold each other twice, and how they share a load is open"
+        cause = "nothing in this loop can move: its parts hold each other twice, so that their loads are undetermined"
         advice = "remove one of the connections, or put a joint or something compliant between two of the parts"
     evidence = [f"the loop: {' - '.join(loop.components)}"]
     evidence.append(f"closed between {loop.ends[0]} and {loop.ends[1]}")

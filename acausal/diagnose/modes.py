@@ -1,13 +1,13 @@
-"""Equations that switch constraints on and off: what has to be solved for what depends on the mode.
+"""Equations that switch constraints on and off, so that the structure of the system depends on the mode.
 
-`where(taut, x**2 + y**2 - 1, lam) == 0` holds a force when the string is slack, and positions when it is taut: two
-states fewer, two more differentiations, and velocities that jump when it becomes taut. One structure is found for all
-modes here, so that such an equation has no unknown to be solved for in one of them.
+`where(taut, x**2 + y**2 - 1, lam) == 0` contains a force while the string is slack, and positions while it is taut:
+there are two states fewer then, two equations have to be differentiated more, and velocities jump when the string
+becomes taut. One structure is determined here for all modes, in which such an equation has no unknown in one of them.
 
-This is refused where it can be seen from the structure: in the mode of one branch, together with the branches it is
-nested in, the equations of a block cannot be matched with its unknowns, whatever all other modes are. Modelica tools
-have the same limit; what lifts it is a structural analysis for each mode (Benveniste, Caillaud, Malandain, "The
-mathematical foundations of physical systems modeling languages", Annual Reviews in Control 50 (2020) 72-118).
+This is refused if the structure shows it: in the mode of one branch, together with the branches around it, the
+equations of a block cannot be matched with its unknowns, whatever the other modes are. Modelica tools have the same
+limit; removing it takes a structural analysis for each mode (Benveniste, Caillaud, Malandain, "The mathematical
+foundations of physical systems modeling languages", Annual Reviews in Control 50 (2020) 72-118).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from acausal.flatten.terms import SUMS
 from acausal.structure import Block, Incidence, match, stays_matched
 from acausal.structure.graph import IntArray
 
-_MOST_BRANCHES = 1000  # of one block that are looked at
+_MOST_BRANCHES_CHECKED = 1000  # per block
 _OPPOSITE = {"lt": "ge", "le": "gt"}
-_AT_ONCE = frozenset(("initial", "infinitesimal", "terminal"))  # modes of an instant
+_AT_INSTANTS = frozenset(("initial", "infinitesimal", "terminal"))  # modes of an instant
 Modes = Mapping[int, bool]
 """Conditions that are decided: node -> whether it holds."""
 
@@ -37,8 +37,8 @@ def refuse_changing_structure(
 
     Raises StructureError: AC213, with the equation and the condition.
 
-    `residuals`, `blocks`: Nodes that must be zero, and which of them are solved for which variables.
-    `sources`: The flat equation that each residual comes from.
+    `residuals` are nodes that must be zero, `blocks` the rows of these and the variables that they determine, `sources`
+    the flat equation of each residual.
     """
     pool = reduced.pool
     switched = _switched(pool, residuals)
@@ -48,19 +48,19 @@ def refuse_changing_structure(
         rows = [residuals[r] for r in block.rows]
         place = {v: k for k, v in enumerate(block.columns)}
 
-        def columns(held: Collection[int], place: dict[int, int] = place) -> list[int]:
-            return sorted(place[v] for v in held if v in place)
+        def columns(conditions: Collection[int], place: dict[int, int] = place) -> list[int]:
+            return sorted(place[v] for v in conditions if v in place)
 
         if not switched.intersection(rows) or (_matched([columns(_always(pool, row)) for row in rows]) >= 0).all():
             continue
-        usual = [columns(pool.variables_in(row)) for row in rows]
-        matched = _matched(usual).tolist()
-        held = [_conditions(pool, row) for row in rows]
+        usual_columns = [columns(pool.variables_in(row)) for row in rows]
+        matched = _matched(usual_columns).tolist()
+        conditions = [_conditions(pool, row) for row in rows]
         for modes in _branches(pool, rows, set(block.columns)):
-            touched = [k for k, own in enumerate(held) if not own.isdisjoint(modes)]
+            touched = [k for k, row_conditions in enumerate(conditions) if not row_conditions.isdisjoint(modes)]
             changed = {k: columns(pool.variables_in(_in_modes(pool, rows[k], modes))) for k in touched}
-            if not stays_matched(usual, matched, changed):
-                lost = max(touched, key=lambda k: len(usual[k]) - len(changed[k]))
+            if not stays_matched(usual_columns, matched, changed):
+                lost = max(touched, key=lambda k: len(usual_columns[k]) - len(changed[k]))
                 raise _refusal(reduced, sources[block.rows[lost]], block, modes)
 
 
@@ -71,11 +71,11 @@ def _matched(rows: Sequence[Sequence[int]]) -> IntArray:
 def _conditions(pool: Pool, root: int) -> set[int]:
     """The conditions of all branches below a node."""
     nodes = (pool.nodes[n] for n in pool.reachable([root]))
-    return {_plain(pool, node[1], True)[0] for node in nodes if node[0] == "where"}
+    return {_normalised(pool, node[1], True)[0] for node in nodes if node[0] == "where"}
 
 
 def _switched(pool: Pool, residuals: Sequence[int]) -> set[int]:
-    """Those residuals that hold a branch."""
+    """Those residuals that contain a branch."""
     holds: set[int] = set()
     for number in pool.reachable(residuals):
         op, *operands = pool.nodes[number]
@@ -85,34 +85,34 @@ def _switched(pool: Pool, residuals: Sequence[int]) -> set[int]:
 
 
 def _branches(pool: Pool, rows: Sequence[int], unknowns: set[int]) -> Iterator[Modes]:
-    """The modes of each branch, with those of the branches that it is nested in."""
+    """The modes of each branch, together with those of the branches around it."""
     seen: set[frozenset[tuple[int, bool]]] = set()
     todo: deque[tuple[int, dict[int, bool]]] = deque((row, {}) for row in rows)
-    while todo and len(seen) < _MOST_BRANCHES:
+    while todo and len(seen) < _MOST_BRANCHES_CHECKED:
         root, modes = todo.popleft()
         for number in _wheres(pool, root, modes):
             _, condition, *both = pool.nodes[number]
-            known, holds = _plain(pool, condition, True)
+            decisive, holds = _normalised(pool, condition, True)
             concerns = pool.variables_in(*both) & unknowns or pool.zero in both
-            if not concerns or _is_settled(pool, known):
+            if not concerns or _is_fixed_in_run(pool, decisive):
                 continue
             for node, is_true in zip(both, (holds, not holds), strict=True):
-                own = {**modes, known: is_true}
-                key = frozenset(own.items())
+                nested_modes = {**modes, decisive: is_true}
+                key = frozenset(nested_modes.items())
                 if key not in seen:
                     seen.add(key)
-                    yield own
-                    todo.append((node, own))
+                    yield nested_modes
+                    todo.append((node, nested_modes))
 
 
-def _is_settled(pool: Pool, condition: int) -> bool:
-    """Whether a condition is none of the run: it depends on parameters only, or is true at single instants."""
+def _is_fixed_in_run(pool: Pool, condition: int) -> bool:
+    """Whether a condition cannot change during a run: it depends on parameters only, or is true at single instants."""
     below = pool.reachable([condition])
-    return pool.is_constant(condition) or any(pool.nodes[n][0] in _AT_ONCE for n in below)
+    return pool.is_constant(condition) or any(pool.nodes[n][0] in _AT_INSTANTS for n in below)
 
 
-def _plain(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:
-    """A condition without `not` and `noevent`, `<` for `>=`: the same for a mode and its opposite."""
+def _normalised(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:
+    """A condition without `not` and `noevent`, and with `<` turned into `>=`, and whether its value is the same."""
     while pool.nodes[condition][0] in ("not", "noevent"):
         holds ^= pool.nodes[condition][0] == "not"
         condition = pool.nodes[condition][1]
@@ -123,18 +123,18 @@ def _plain(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:
 
 
 def _always(pool: Pool, root: int) -> set[int]:
-    """Variables that a node depends on whatever the modes are: not below a branch, nor with such a factor."""
-    inside: list[int] = []
+    """Variables on which a node depends in all modes: neither below a branch nor multiplied by one."""
+    switched: list[int] = []
 
-    def outside(number: int) -> Sequence[int]:
+    def unswitched(number: int) -> Sequence[int]:
         op, *operands = pool.nodes[number]
         if op == "where" or (op in ("mul", "div") and any(_is_switched(pool, n) for n in operands)):
-            inside.append(number)
+            switched.append(number)
             return ()
         return () if op in LEAVES else operands
 
-    found = {pool.nodes[n][1] for n in closure([root], outside) if pool.nodes[n][0] == "var"}
-    return found - pool.variables_in(*inside)
+    found = {pool.nodes[n][1] for n in closure([root], unswitched) if pool.nodes[n][0] == "var"}
+    return found - pool.variables_in(*switched)
 
 
 def _is_switched(pool: Pool, number: int) -> bool:
@@ -144,7 +144,7 @@ def _is_switched(pool: Pool, number: int) -> bool:
 
 
 def _in_modes(pool: Pool, root: int, modes: Modes) -> int:
-    """A node with the branches that are meant, as far as that is decided, and without what then cancels."""
+    """A node with branches replaced by those active in `modes`, as far as decided, and without terms that cancel."""
     done: dict[int, int] = {}
     for number in pool.reachable([root]):
         op, *operands = pool.nodes[number]
@@ -158,13 +158,13 @@ def _in_modes(pool: Pool, root: int, modes: Modes) -> int:
 
 
 def _chosen(pool: Pool, operands: Sequence[int], modes: Modes) -> int | None:
-    """The branch that is meant; None where its condition is not decided."""
-    known, holds = _plain(pool, operands[0], True)
+    """The branch that is active in `modes`; None if its condition is not decided."""
+    known, holds = _normalised(pool, operands[0], True)
     return operands[1 if modes[known] == holds else 2] if known in modes else None
 
 
 def _wheres(pool: Pool, root: int, modes: Modes) -> list[int]:
-    """The outermost branches whose condition is not decided."""
+    """The outermost branches whose condition `modes` does not decide."""
     found = []
 
     def decided(number: int) -> Sequence[int]:
@@ -180,8 +180,8 @@ def _wheres(pool: Pool, root: int, modes: Modes) -> list[int]:
     return sorted(found)
 
 
-def _worded(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:
-    """A relation that does not hold, as the opposite that does."""
+def _as_true_relation(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:
+    """A relation that does not hold, expressed by its opposite, which does."""
     op, *operands = pool.nodes[condition]
     opposite = next((other for other, own in _OPPOSITE.items() if own == op), None)
     return (condition, holds) if holds or opposite is None else (pool.make(opposite, *operands), True)
@@ -191,7 +191,7 @@ def _refusal(reduced: ReducedSystem, source: int, block: Block, modes: Modes) ->
     flat, pool = reduced.flat, reduced.pool
     equation = flat.equations[source]
 
-    shown = dict(_worded(pool, n, holds) for n, holds in modes.items())
+    shown = dict(_as_true_relation(pool, n, holds) for n, holds in modes.items())
     texts = [f"`{reduced.text(n)}`{'' if holds else ' is false'}" for n, holds in shown.items()]
     when = " and ".join(texts)
     names = listed((reduced.name(v) for v in block.columns), 3)
@@ -201,9 +201,10 @@ def _refusal(reduced: ReducedSystem, source: int, block: Block, modes: Modes) ->
         where=places(flat, [equation]),
         evidence=[
             line(flat, equation),
-            f"in one mode it is an equation for {names}, in the other a constraint on what is known by then",
+            f"in one mode it is an equation for {names}, in the other a constraint between known variables",
         ],
-        cause="a constraint is switched on and off: states would come and go, and impulses come with it",
-        help="give it a force: a stiff spring and damper, where(r > l, c*(r - l) + d*der(r), 0); or hold accelerations "
-        "instead, and let a `when` make the velocities jump, reset(velocity, 0, by=force); or make a model for each",
+        cause="a constraint is switched on and off: the number of states would change, with impulses",
+        help="give it a force: a stiff spring and damper, where(r > l, c*(r - l) + d*der(r), 0); or constrain "
+        "accelerations instead, and let a `when` make the velocities jump, reset(velocity, 0, by=force); or make a "
+        "model for each mode",
     )

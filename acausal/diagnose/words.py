@@ -1,4 +1,4 @@
-"""Names, places and equations as the author of the model knows them."""
+"""Texts for messages: names, places and equations as the author of the model wrote them."""
 
 from __future__ import annotations
 
@@ -12,26 +12,28 @@ from acausal.language.declarations.declaration import Declaration
 from acausal.language.declarations.misuse import declared_at
 
 _WIDTH = 110
-_LOOSE = " is zero: not connected"
+_NOT_CONNECTED = " is zero: not connected"
 
 
 def listed(names: Iterable[str], limit: int = 6) -> str:
-    """`a, b and c`, or the first few and how many more there are."""
-    found = list(dict.fromkeys(names))
-    if len(found) > limit:
-        return f"{', '.join(found[:limit])} and {len(found) - limit} more"
-    return " and ".join([", ".join(found[:-1]), found[-1]] if len(found) > 1 else found)
+    """`a, b and c`, or the first few of many and the number of the others."""
+    names_in_order = list(dict.fromkeys(names))
+    if len(names_in_order) > limit:
+        return f"{', '.join(names_in_order[:limit])} and {len(names_in_order) - limit} more"
+    return " and ".join(
+        [", ".join(names_in_order[:-1]), names_in_order[-1]] if len(names_in_order) > 1 else names_in_order
+    )
 
 
 def short(span: Span) -> str:
-    """`components.py:31`, with the domain before it for the library: `electrical/components.py:31`."""
+    """`components.py:31`, preceded by the domain for the library: `electrical/components.py:31`."""
     path = Path(span.file)
     parent = f"{path.parent.name}/" if "library" in path.parts[-4:] else ""
     return f"{parent}{path.name}:{span.line}"
 
 
 def line(flat: FlatSystem, equation: FlatEquation) -> str:
-    """An equation with the class and the place it comes from."""
+    """An equation with its class and its place in the source."""
     text = flat.text(equation)
     if len(text) > _WIDTH:
         text = text[: _WIDTH - 4] + " ..."
@@ -50,7 +52,7 @@ def lines(flat: FlatSystem, equations: Sequence[FlatEquation], limit: int = 6) -
 
 
 def component_of(flat: FlatSystem, path: str) -> str:
-    """Path of the component that a variable or a connector belongs to."""
+    """Path of the component to which a variable or a connector belongs."""
     owner = _above(path)
     while owner and owner in flat.components and flat.components[owner].is_connector:
         owner = _above(owner)
@@ -62,7 +64,7 @@ def _above(path: str) -> str:
 
 
 def connector_of(flat: FlatSystem, path: str) -> str | None:
-    """Path of the connector that a variable belongs to, if it is one's."""
+    """Path of the connector to which a variable belongs; None if it belongs to none."""
     owner = _above(path)
     found = flat.components.get(owner)
     return owner if found is not None and found.is_connector else None
@@ -79,7 +81,7 @@ def subject(flat: FlatSystem, fact: str, path: str) -> str:
 
 
 def equations_of(flat: FlatSystem, components: Sequence[str]) -> str:
-    """`Model: equations of a and b`, or `equations of Model` when they are its own."""
+    """`Model: equations of a and b`, or `equations of Model` if they are those of the model itself."""
     components = list(dict.fromkeys(components))
     if components == [""]:
         return f"equations of {flat.name}"
@@ -89,7 +91,7 @@ def equations_of(flat: FlatSystem, components: Sequence[str]) -> str:
 def places(
     flat: FlatSystem, equations: Iterable[FlatEquation | FlatAssignment | FlatWhen], limit: int = 3
 ) -> list[Span]:
-    """Where equations stand; for those of the library, where the component was made that they belong to."""
+    """Places of equations in the source; for those of the library, where their component was made."""
     found: list[Span] = []
     for e in equations:
         of_library = e.origin is None or "library" in Path(e.origin.span().file).parts[-4:]
@@ -98,20 +100,20 @@ def places(
 
 
 def loose(flat: FlatSystem, connectors: Iterable[str]) -> list[str]:
-    """Those connectors that nothing is connected to."""
+    """Those of the connectors to which nothing is connected."""
     wanted = dict.fromkeys(connectors)
-    texts = [e.source for e in flat.equations if isinstance(e.source, str) and e.source.endswith(_LOOSE)]
-    return [path for path in wanted if any(text.endswith(f" of {path}{_LOOSE}") for text in texts)]
+    texts = [e.source for e in flat.equations if isinstance(e.source, str) and e.source.endswith(_NOT_CONNECTED)]
+    return [path for path in wanted if any(text.endswith(f" of {path}{_NOT_CONNECTED}") for text in texts)]
 
 
 def unconnected(flat: FlatSystem, component: str) -> bool:
-    """True for a component with connectors of its own to none of which anything is connected."""
-    own = [p for p, c in flat.components.items() if c.is_connector and _above(p) == component]
-    return bool(component and own) and len(loose(flat, own)) == len(own)
+    """True for a component that has connectors, none of which is connected."""
+    connectors = [p for p, c in flat.components.items() if c.is_connector and _above(p) == component]
+    return bool(component and connectors) and len(loose(flat, connectors)) == len(connectors)
 
 
 def made_at(flat: FlatSystem, path: str) -> tuple[Span, ...]:
-    """Where the component was made; for the model itself, where its equations are."""
+    """Place where the component was made; for the model itself, where its equations begin."""
     found = flat.components.get(path)
     if found is None:
         return ()
@@ -119,7 +121,7 @@ def made_at(flat: FlatSystem, path: str) -> tuple[Span, ...]:
 
 
 def parameter_at(flat: FlatSystem, path: str | None) -> tuple[Span, ...]:
-    """Where a parameter has its value from: where its component was made; for the model's own, where it is declared."""
+    """Place where a parameter gets its value: where its component was made; for the model itself, its declaration."""
     if path is None:
         return ()
     owner, _, name = path.rpartition(".")
@@ -127,7 +129,7 @@ def parameter_at(flat: FlatSystem, path: str | None) -> tuple[Span, ...]:
 
 
 def stated_at(cls: type[Component]) -> tuple[Span, ...]:
-    """Where the equations of a class begin."""
+    """Place where the equations of a class begin."""
     for base in cls.__mro__:
         method = base.__dict__.get("equations")
         code = getattr(method, "__code__", None)
@@ -137,7 +139,7 @@ def stated_at(cls: type[Component]) -> tuple[Span, ...]:
 
 
 def hint(declarations: Iterable[Declaration]) -> tuple[str | None, str | None]:
-    """Cause and help from the first hint declared beside one of the variables: `cause; help`, or a cause only."""
+    """Cause and help from the first hint in the declarations: `cause; help`, or only a cause."""
     for declaration in declarations:
         if declaration.hint:
             cause, _, advice = declaration.hint.partition("; ")
@@ -146,7 +148,7 @@ def hint(declarations: Iterable[Declaration]) -> tuple[str | None, str | None]:
 
 
 def names_of(flat: FlatSystem, scalars: Iterable[int]) -> list[str]:
-    """Every declared name that stands for one of the scalars: connected potentials have several."""
+    """All declared names of the scalars; connected potentials have several."""
     wanted = set(scalars)
     return [
         v.path + suffix(v.declaration.shape, k - v.first)

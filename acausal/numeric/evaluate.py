@@ -1,6 +1,6 @@
 """Evaluation of pool expressions without CasADi: values and sparse gradients at several points at once.
 
-The compiler uses them to see which pivots and which states are safe, so speed of set-up matters more than exactness.
+The compiler decides by them which pivots and which states are safe, so that a fast set-up matters more than exactness.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from acausal.language.expressions.external import Call, External
 Samples = NDArray[np.float64]
 Gradient = dict[int, Any]
 
-# Nodes from which on long sums are differentiated as a whole.
-_MANY = 100
+# Long sums are differentiated as a whole if an expression has at least this many nodes.
+_LEAST_NODES = 100
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
@@ -59,7 +59,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 def operation(op: str) -> Callable[..., Any]:
     """The numpy function of an operation."""
-    if isinstance(op, Delayed):  # a stand-in signal of both signs: the delayed value is not known before the run
+    if isinstance(op, Delayed):  # delayed values are unknown before the run: use a signal with values of both signs
         return lambda instant: np.sin(37.0 * np.asarray(instant) + 1.0 + op.number)
     return _External(op) if isinstance(op, Call) else FUNCTIONS[op]
 
@@ -67,7 +67,7 @@ def operation(op: str) -> Callable[..., Any]:
 class _External:
     """One scalar output of an external function.
 
-    The other outputs are requested right after it with the same arrays, so the last evaluation is cached for them.
+    The last evaluation is cached, because the other outputs are requested right after it with the same arrays.
     """
 
     last: tuple[External, tuple[Any, ...], Any] | None = None
@@ -93,7 +93,7 @@ def values(
 ) -> dict[int, Any]:
     """Value of every node below `roots`, by node number; scalars or arrays of shape (K,) at K points.
 
-    `leaves` maps "var" and "par" to functions of their numbers, and "time"; `known` holds values evaluated before.
+    `leaves` maps "var", "par" and "time" to functions of the number of a leaf; `known` has values evaluated before.
     """
     value: dict[int, Any] = dict(known) if known and len(known) < 64 else {}
     with np.errstate(all="ignore"):
@@ -114,7 +114,7 @@ def values(
 def gradients(
     pool: Pool, roots: Sequence[int], variables: Iterable[int], leaves: Mapping[str, Callable[[int], Any]]
 ) -> list[Gradient]:
-    """Partial derivatives of each root with respect to `variables`, as sparse rows: variable to value, shape (K,)."""
+    """Partial derivatives of each root by `variables`, as sparse rows that map variables to values, shape (K,)."""
     wanted = set(variables)
     value = values(pool, roots, leaves)
     slope: dict[int, Gradient] = {}
@@ -137,12 +137,12 @@ def gradients(
 def _sums(
     pool: Pool, roots: Sequence[int], value: Mapping[int, Any]
 ) -> tuple[dict[int, list[tuple[int, int]]], Iterable[int]]:
-    """Terms of the long sums below the roots, and the nodes to differentiate when partial sums are left out.
+    """Terms of the long sums below the roots, and the nodes that must be differentiated if partial sums are skipped.
 
-    A sum of n terms is a chain of n - 1 additions: differentiated node by node it costs n^2 entries.
+    A sum of n terms is a chain of n - 1 additions: differentiation node by node would need n^2 entries.
     """
     chains: dict[int, list[tuple[int, int]]] = {}
-    if len(value) < _MANY:
+    if len(value) < _LEAST_NODES:
         return chains, value
     needed = set(roots)
     for number in sorted(value, reverse=True):

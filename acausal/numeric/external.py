@@ -1,4 +1,4 @@
-"""External functions of the language as CasADi Functions, one for each, called on scalars in row-major order."""
+"""CasADi functions of the external functions of the language, called on scalars in row-major order."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def function(external: External) -> Any:
     Raises
     ------
     DeclarationError
-        AC163 when the factory raises, or returns something else than a function with the declared inputs and outputs.
+        AC163 when the factory raises, or does not return a function with the declared inputs and outputs.
     """
     if external not in _FUNCTIONS:
         if isinstance(external, Lookup):
@@ -55,7 +55,7 @@ def evaluate(external: External, operands: Sequence[Any]) -> NDArray[np.float64]
 
 
 def _matrices(shapes: Sequence[Shape], column: Any) -> Iterator[Any]:
-    """The inputs as matrices, out of one column of scalars in row-major order."""
+    """The inputs as matrices, from one column of scalars in row-major order."""
     first = 0
     for shape in shapes:
         rows, columns = (*shape, 1, 1)[:2]
@@ -69,7 +69,7 @@ def _rows(matrix: Any) -> Any:
 
 
 def _make_declared(external: External) -> Any:
-    """The factory's function, compared with the declared shapes."""
+    """The function that the factory returns, if it has the declared shapes."""
     code = getattr(external.factory, "__code__", None)
     where = () if code is None else (Span(code.co_filename, code.co_firstlineno),)
     try:
@@ -89,7 +89,7 @@ def _make_declared(external: External) -> Any:
     if shapes_made != shapes_declared:
         raise DeclarationError(
             "AC163",
-            f"the factory of {external.name} makes a function that is not as declared",
+            f"the factory of {external.name} makes a function that differs from its declaration",
             where=where,
             evidence=[
                 f"declared: {', '.join(map(shape_text, external.inputs))} -> "
@@ -104,14 +104,14 @@ def _make_declared(external: External) -> Any:
 def _make_lookup(external: Lookup) -> Any:
     """Table lookup: binary search for the segment, then Horner's scheme.
 
-    A function that is never inlined, so that the table is stored once however often it is used.
+    The function is never inlined, so that the table is stored once, however often it is used.
     """
     u = ca.MX.sym("u")
     segment = ca.low(ca.DM(external.breaks), u, {"lookup_mode": "binary"})
     columns = [ca.MX(ca.DM(c)) for c in zip(*external.coefficients, strict=True)]
     if len(columns) == 1:
-        # Steps have no slopes, and CasADi takes what has none for independent of u: functions lost arguments that only
-        # steps depend on, such as the time. A slope of zero also hands on a u that is nan.
+        # CasADi would treat a step function as independent of u, because it has no derivative, and drop arguments such
+        # as the time on which only steps depend. A slope of zero avoids this, and it propagates a u that is nan.
         columns.append(ca.MX(ca.DM([0.0] * len(external.coefficients))))
     s = u - ca.MX(ca.DM(external.breaks))[segment]
     y = columns[-1][segment]
@@ -124,14 +124,14 @@ def _make_jacobian(primal: External) -> Any:
     """Partial derivatives of all scalar outputs by all scalar inputs, both in row-major order."""
     inputs = [ca.SX.sym(f"i{k}", *(*s, 1, 1)[:2]) for k, s in enumerate(primal.inputs)]
     results = function(primal).call(inputs, False, False)
-    # Derivatives by column, which is how CasADi lays out the inputs, then by row.
+    # CasADi orders the inputs column by column; reorder the derivatives row by row.
     jacobian = ca.jacobian(ca.vertcat(*map(_rows, results)), ca.veccat(*inputs))
     places = _rows_first(primal.inputs)
     return ca.Function(f"d_{primal.name}", inputs, [ca.densify(jacobian[:, places])])
 
 
 def _rows_first(shapes: Sequence[Shape]) -> list[int]:
-    """Place, by columns, of each entry of the inputs taken row by row."""
+    """Column-major index of each entry of the inputs, in row-major order."""
     places: list[int] = []
     for shape in shapes:
         size = int(np.prod(shape))

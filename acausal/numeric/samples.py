@@ -1,16 +1,15 @@
 """Sample points of a model, and which sampled values are significant.
 
-The first point is the declared start, the others are scattered around it. At such points the compiler decides which
-pivots are safe. A value may consist of rounding errors only: 1/3 + 1/3 - 2/3 is 6e-17, and no pivot.
+The first point is the declared start, the others are scattered around it. At these points the compiler decides which
+pivots are safe. A value may consist of rounding errors only: 1/3 + 1/3 - 2/3 is 6e-17, which must not be a pivot.
 
-A value is significant when it exceeds a running error bound to first order: every operation propagates the errors of
-its
+A value is significant if it exceeds a running error bound of first order: every operation propagates the errors of its
 operands by its partial derivatives and adds its own, of the size of its result (N. J. Higham, Accuracy and Stability of
 Numerical Algorithms, 2002, section 3.3). Bounds are in units of the rounding error of one operation.
 
-Such bounds are worst cases: over a chain of a hundred bodies they grow without limit, though the values stay right to
-fourteen digits. Therefore a value that single precision reproduces is accepted before any bound is computed: a rounding
-error would be 1e9 times as large there, or vanish.
+Such bounds are worst cases: over a chain of a hundred bodies they grow without limit, although the values are correct
+to fourteen digits. A value that single precision reproduces is therefore accepted before any bound is computed: if it
+were a rounding error, it would be 1e9 times as large in single precision, or vanish.
 """
 
 from __future__ import annotations
@@ -38,10 +37,10 @@ ALL_TRUE = 5
 """The point at which all Booleans are true."""
 
 FAR = 48
-"""Number of further points, far from the start: states are chosen once for wherever the run may go."""
+"""Number of additional points far from the start, because states are chosen once for everywhere a run may go."""
 
 STABILISATION_RATE = 100.0
-"""Default rate [1/s] at which stabilised constraints decay; a run estimates a better one from its own time scale."""
+"""Default rate [1/s] at which stabilised constraints decay; a run estimates a better one from its time scale."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ class Visited:
 def _draws() -> tuple[Samples, Samples]:
     """Random directions around the start, shape (997, EVERYWHERE), and factors far from it, shape (997, FAR).
 
-    Drawn once per process: 155 000 random numbers took as long as the rest of compiling a small model.
+    They are drawn once per process, as 155 000 random numbers take as long as the rest of compiling a small model.
     """
     random = np.random.default_rng(20090507)
     near = random.standard_normal((997, COUNT))
@@ -70,9 +69,9 @@ def _draws() -> tuple[Samples, Samples]:
 
 
 class SamplePoints:
-    """Values of variables and nodes at the sample points, the same in every process: COUNT of them, or all EVERYWHERE.
+    """Values of variables and nodes at COUNT or all EVERYWHERE sample points, which are the same in every process.
 
-    The last points are those `visited` by an earlier run, if any.
+    The last points are those that an earlier run has `visited`, if any.
     """
 
     def __init__(self, reduced: ReducedSystem, visited: Visited | None = None) -> None:
@@ -81,25 +80,25 @@ class SamplePoints:
         self._times = 0.37 * np.concatenate([np.linspace(0.0, 1.0, COUNT), np.linspace(0.0, 20.0, EVERYWHERE - COUNT)])
         if visited is not None:
             self._times[EVERYWHERE - len(visited.times) :] = visited.times
-        self._known: dict[int, Samples] = {}
+        self._samples: dict[int, Samples] = {}
         self._definition: dict[int, int] = {}
         self._values: dict[int, Any] = {}
         self._bounds: dict[int, Any] = {}
-        self._rough: dict[int, Any] = {}
+        self._single_precision: dict[int, Any] = {}
         self._varies: dict[int, bool] = {}
         self._constant_values: dict[int, Samples] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but cached properties, which hold functions and are rebuilt on demand."""
+        """Everything except cached properties, which contain functions and are rebuilt on demand."""
         return {k: v for k, v in self.__dict__.items() if not isinstance(getattr(type(self), k, None), cached_property)}
 
     def define(self, variable: int, node: int) -> None:
         """Give the variable the value of `node` at every point from now on."""
         self._definition[variable] = node
-        self._known.pop(variable, None)
+        self._samples.pop(variable, None)
         self._values.clear()
         self._bounds.clear()
-        self._rough.clear()
+        self._single_precision.clear()
 
     def of(self, node: int) -> Samples:
         """Values of a node, shape (COUNT,)."""
@@ -110,24 +109,24 @@ class SamplePoints:
         return np.broadcast_to(np.asarray(self._value(node), dtype=float), (EVERYWHERE,))
 
     def significant(self, node: int) -> Samples:
-        """As `everywhere`, with zero for values that consist of rounding errors of cancelling terms."""
+        """Like `everywhere`, with zero for values that consist of rounding errors of cancelling terms."""
         known = self._constant_values.get(node)
         if known is not None:
             return known
         found = self._significant(node)
-        if not self.varies(node):  # no later definition changes it, and equal cells of a field share the node
+        if not self.varies(node):  # later definitions do not change it, and equal cells of a field share the node
             self._constant_values[node] = found
         return found
 
     def _significant(self, node: int) -> Samples:
         found = self.everywhere(node)
-        if agrees(self.reduced.pool, node, self._values, self._rough):
+        if agrees(self.reduced.pool, node, self._values, self._single_precision):
             return found
         certain = is_significant(self.reduced.pool, node, self._values, self._bounds)
         return np.where(certain | ~np.isfinite(found), found, 0.0)
 
     def varies(self, node: int) -> bool:
-        """True when the node depends on a variable or on time."""
+        """Whether the node depends on a variable or on time."""
         nodes, known = self.reduced.pool.nodes, self._varies
         for here in self.reduced.pool.reachable([node], known):
             op, *operands = nodes[here]
@@ -135,7 +134,7 @@ class SamplePoints:
         return known[node]
 
     def _value(self, node: int) -> Any:
-        """Value of a node; every node below it is evaluated once until a variable is redefined."""
+        """Value of a node; every node below it is evaluated only once, until a variable is redefined."""
         nodes, known = self.reduced.pool.nodes, self._values
         leaves: Mapping[str, Callable[[int], Any]] = {
             "var": self._variable,
@@ -154,20 +153,22 @@ class SamplePoints:
         return known[node]
 
     def _evaluate(self, variable: int) -> None:
-        """Evaluate a defined variable after the variables its definition needs; without recursion, for long chains."""
+        """Evaluate a defined variable after those in its definition; without recursion, because chains may be long."""
         pool = self.reduced.pool
         stack = [variable]
         while stack:
             here = stack[-1]
             node = self._definition[here]
             waiting = [
-                v for v in pool.variables_in(node) if v in self._definition and v not in self._known and v not in stack
+                v
+                for v in pool.variables_in(node)
+                if v in self._definition and v not in self._samples and v not in stack
             ]
             if waiting:
                 stack.extend(waiting)
                 continue
             stack.pop()
-            self._known[here] = self.everywhere(node)
+            self._samples[here] = self.everywhere(node)
 
     @cached_property
     def parameters(self) -> tuple[float, ...]:
@@ -179,9 +180,9 @@ class SamplePoints:
         return self._variable(variable)[:COUNT]
 
     def _variable(self, variable: int) -> Samples:
-        if variable not in self._known and variable in self._definition:
+        if variable not in self._samples and variable in self._definition:
             self._evaluate(variable)
-        if variable not in self._known:
+        if variable not in self._samples:
             reduced = self.reduced
             start, nominal, declared = 0.0, 1.0, None
             if variable < len(reduced.scalar):
@@ -191,26 +192,26 @@ class SamplePoints:
             offset = 1.0 if variable >= 997 else 0.9
             found = start + offset * nominal * self._directions[(variable * 7919) % 997]
             if declared is not None and (declared.boolean or declared.integer):
-                # Sample both branches of a switch, and no value that it never takes.
+                # Sample both branches of a switch, but no values that it never takes.
                 found = np.mod(np.round(found - start) + start, 2.0) if declared.boolean else np.round(found)
-                if declared.boolean:  # all friction elements stuck at once: chance would not hit this mode
+                if declared.boolean:  # for the mode in which all friction elements stick, which chance would not hit
                     found[ALL_TRUE] = 1.0
-            seen = self._visited_values(variable)
-            found[EVERYWHERE - len(seen) :] = seen
-            self._known[variable] = found
-        return self._known[variable]
+            visited_values = self._visited_values(variable)
+            found[EVERYWHERE - len(visited_values) :] = visited_values
+            self._samples[variable] = found
+        return self._samples[variable]
 
     def _visited_values(self, variable: int) -> Samples:
-        """Values at the points of an earlier run, shape (k,); empty without a run or where it has no such variable."""
+        """Values at the points of an earlier run, shape (k,); empty without a run, or if it has no such variable."""
         nothing = np.zeros(0)
         return nothing if self.visited is None else self.visited.values.get(self.reduced.name(variable), nothing)
 
     def anywhere(self, variable: int) -> Samples:
-        """Values of a variable, shape (COUNT + FAR,): as `variable`, then far from its start on both sides.
+        """Values of a variable, shape (COUNT + FAR,): those of `variable`, then far from its start on both sides.
 
-        Nearby points are not enough to choose states by: x of a pendulum that starts at x = 5 with a nominal magnitude
-        of 1 is positive at nearly all of them, and half the points around the start of a four-bar lie in one branch.
-        Angles are sampled all around.
+        Nearby points do not suffice for the choice of states: x of a pendulum that starts at x = 5 with a nominal
+        magnitude of 1 is positive at nearly all of them, and half the points around the start of a four-bar linkage lie
+        in one branch. Angles are sampled over whole turns.
         """
         near = self.variable(variable)
         scalar = self.reduced.scalar
@@ -218,8 +219,10 @@ class SamplePoints:
         if declared is not None and (declared.boolean or declared.integer):
             return np.concatenate([near, np.resize(near, FAR)])
         size = max(abs(float(near[0])), 1.0 if declared is None else abs(declared.nominal))
-        seen = self._visited_values(variable)
-        return np.concatenate([near, size * self._far[(variable * 7919) % 997][: FAR - len(seen)], seen])
+        visited_values = self._visited_values(variable)
+        return np.concatenate(
+            [near, size * self._far[(variable * 7919) % 997][: FAR - len(visited_values)], visited_values]
+        )
 
     def start(self, variable: int) -> float:
         """Declared start of a variable or of one of its aliases, else 0."""
@@ -238,7 +241,7 @@ class SamplePoints:
 
     @cached_property
     def leaves_anywhere(self) -> Mapping[str, Callable[[int], Any]]:
-        """As `leaves`, at COUNT + FAR points."""
+        """Like `leaves`, at COUNT + FAR points."""
         times = np.concatenate([self._times[:COUNT], np.resize(self._times, FAR)])
         return {"var": self.anywhere, "par": self.parameters.__getitem__, "time": lambda _: times}
 
@@ -249,34 +252,34 @@ class SamplePoints:
 
 
 SIGNIFICANT = 1e-10
-"""A value smaller than this times its error bound has less than six significant digits."""
+"""A value that is smaller than this times its error bound has fewer than six significant digits."""
 
 AGREES = 0.1
 """Largest relative difference at which values in double and in single precision agree."""
 
 
-def agrees(pool: Pool, node: int, values: dict[int, Any], rough: dict[int, Any]) -> bool:
-    """Whether a node has the same value everywhere when it is computed in single precision.
+def agrees(pool: Pool, node: int, values: dict[int, Any], single: dict[int, Any]) -> bool:
+    """Whether a node has the same value at all points if it is computed in single precision.
 
-    `values` holds it and every node below it; `rough` receives the values in single precision.
+    `values` has those of the node and of every node below it; `single` receives the values in single precision.
     """
     with np.errstate(all="ignore"):
-        for here in pool.reachable([node], rough):
+        for here in pool.reachable([node], single):
             op, *operands = pool.nodes[here]
             if op in LEAVES or isinstance(op, Call):  # an external function keeps its double precision
-                rough[here] = np.asarray(values[here]).astype(np.float32)[()]
+                single[here] = np.asarray(values[here]).astype(np.float32)[()]
             else:
-                rough[here] = operation(op)(*[rough[c] for c in operands])
-        found = np.asarray(rough[node])
+                single[here] = operation(op)(*[single[c] for c in operands])
+        found = np.asarray(single[node])
         exact = np.asarray(values[node], dtype=float)
         return found.dtype == np.float32 and bool((np.abs(found - exact) < AGREES * np.abs(exact)).all())
 
 
 def is_significant(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:
-    """At which points a node exceeds its rounding errors, shape (EVERYWHERE,) or ().
+    """Whether a node exceeds its rounding errors at each point, shape (EVERYWHERE,) or ().
 
-    `values` holds it and every node below it; `bounds` receives the bounds of these nodes, each computed once as long
-    as the values stay the same.
+    `values` has those of the node and of every node below it; `bounds` receives their error bounds, which are reused as
+    long as the values stay the same.
     """
     with np.errstate(all="ignore"):
         for here in pool.reachable([node], bounds):

@@ -1,8 +1,8 @@
-"""Stretches of a table: runs of rows that are one smooth curve, as far as a run of some tolerance can tell.
+"""Stretches of a table: successive rows that form one smooth curve within an error that depends on the tolerance.
 
-Neighbours are joined while a cubic through four of their points stays within the error at all of them. Two stretches
+Neighbours are joined as long as a cubic through four of their points stays within the error everywhere. Two stretches
 meet where no cubic joins them: at a kink, a jump, or where a curve is too long for one cubic. Independent pairs are
-joined in rounds, n log n operations, all in numpy: 100 000 rows of noise or of a sine take less than a second.
+joined in rounds, in n log n operations of numpy: 100 000 rows of noise or of a sine take less than a second.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from acausal.arrays import Indices, Vector
 
 # Relative positions in a stretch at which the cubic interpolates the table.
 _NODES = np.array([0.0, 0.25, 0.75, 1.0])
-_THROUGH = np.linalg.inv(np.vander(_NODES, increasing=True)).T
-# Relative positions in each row at which it is compared with the table.
+_TO_COEFFICIENTS = np.linalg.inv(np.vander(_NODES, increasing=True)).T
+# Relative positions in each row at which the cubic is compared with the table.
 _COMPARED = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-# Largest number of rounds; stopping early leaves more stretches than necessary, which is no error.
+# Largest number of rounds; an early stop leaves more stretches than necessary, which does no harm.
 _MOST_ROUNDS = 80
-# Least variation as a share of the range of the values, most of which may be equal.
-_LEAST = 1e-3
+# Least variation as a fraction of the range of the values, for tables in which most values are equal.
+_LEAST_VARIATION = 1e-3
 
 
 def variation(values: Vector) -> float:
-    """Mean absolute deviation of values, shape (n,), from their median, which a single peak does not make large."""
-    return max(float(np.abs(values - np.median(values)).mean()), _LEAST * float(np.ptp(values)))
+    """Mean absolute deviation of values, shape (n,), from their median, to which a single peak contributes little."""
+    return max(float(np.abs(values - np.median(values)).mean()), _LEAST_VARIATION * float(np.ptp(values)))
 
 
 def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
@@ -34,40 +34,41 @@ def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
     Parameters
     ----------
     ends
-        Shape (n + 1,): abscissas of the beginnings of n rows, and of the end of the last one.
+        Shape (n + 1,): abscissas at the beginnings of n rows, and at the end of the last one.
     rows
-        Shape (n, degree + 1): coefficients of each row in the distance from its beginning, the constant first.
+        Shape (n, degree + 1): coefficients of each row by powers of the distance from its beginning, the constant
+        first.
     error
         Largest deviation of a cubic, in the unit of the values.
     """
     n = len(rows)
     lengths = np.diff(ends)
     values = _horner(rows[:, None, :], lengths[:, None] * _COMPARED)
-    places = ends[:-1, None] + lengths[:, None] * _COMPARED
+    abscissas = ends[:-1, None] + lengths[:, None] * _COMPARED
 
     def are_one_cubic(first: Indices, last: Indices) -> NDArray[np.bool_]:
-        """Whether the rows from each `first` up to its `last` are one cubic; shapes (k,)."""
+        """Whether the rows from each `first` up to its `last` form one cubic; shapes (k,)."""
         left, length = ends[first], ends[last] - ends[first]
         at = left[:, None] + length[:, None] * _NODES
         inside = np.clip(np.searchsorted(ends, at, side="right") - 1, first[:, None], last[:, None] - 1)
-        cubic = _horner(rows[inside], at - ends[inside]) @ _THROUGH
+        cubic = _horner(rows[inside], at - ends[inside]) @ _TO_COEFFICIENTS
         counts = last - first
         begins = np.concatenate([[0], np.cumsum(counts)[:-1]])
-        own = np.repeat(np.arange(len(first)), counts)
-        row = np.arange(len(own)) - begins[own] + first[own]
-        share = (places[row] - left[own, None]) / length[own, None]
-        deviation = np.abs(_horner(cubic[own][:, None, :], share) - values[row]).max(axis=1)
+        stretch = np.repeat(np.arange(len(first)), counts)
+        row = np.arange(len(stretch)) - begins[stretch] + first[stretch]
+        relative = (abscissas[row] - left[stretch, None]) / length[stretch, None]
+        deviation = np.abs(_horner(cubic[stretch][:, None, :], relative) - values[row]).max(axis=1)
         return np.asarray(np.maximum.reduceat(deviation, begins) <= error)
 
     bounds, tried = np.arange(n + 1), np.zeros(n + 1, dtype=bool)
     tried[[0, -1]] = True
     for _ in range(_MOST_ROUNDS):
-        open_ = np.flatnonzero(~tried)
-        if not len(open_):
+        untried = np.flatnonzero(~tried)
+        if not len(untried):
             break
-        runs = np.concatenate([[0], np.cumsum(np.diff(open_) > 1)])
+        runs = np.concatenate([[0], np.cumsum(np.diff(untried) > 1)])
         first = np.concatenate([[0], np.flatnonzero(np.diff(runs)) + 1])
-        chosen = open_[(np.arange(len(open_)) - first[runs]) % 2 == 0]  # no two of them bound the same stretch
+        chosen = untried[(np.arange(len(untried)) - first[runs]) % 2 == 0]  # no two of these bound the same stretch
         is_joined = are_one_cubic(bounds[chosen - 1], bounds[chosen + 1])
         tried[chosen] = True
         removed = chosen[is_joined]

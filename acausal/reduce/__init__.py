@@ -1,1 +1,1 @@
-"""What a scene does not need: the smallest model that gives the wanted outputs."""
+"""Model reduction: the smallest model that computes given outputs."""

@@ -1,4 +1,4 @@
-"""What wanted outputs depend on: through definitions, blocks, rates of states, events and conditions at the start."""
+"""Dependences of outputs: through definitions, blocks, rates of states, events and start conditions."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from acausal.structure import Incidence, match
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """Who depends directly on whom in a solution."""
+    """Direct dependences between the variables of a solution."""
 
-    nodes: dict[int, tuple[int, ...]]  # A variable depends on all variables of its nodes
-    at_start: dict[int, frozenset[int]]  # and, for its start value, on these
+    nodes: dict[int, tuple[int, ...]]  # variable -> nodes, on all variables of which it depends
+    at_start: dict[int, frozenset[int]]  # variable -> variables on which its start value depends
 
     def closure(self, solution: Solution, variables: Iterable[int]) -> frozenset[int]:
-        """All variables that these depend on, themselves included; inputs too."""
+        """`variables` and all variables on which they depend, inputs included."""
         pool = solution.structure.reduced.pool
         return frozenset(
             closure(variables, lambda v: pool.variables_in(*self.nodes.get(v, ())) | self.at_start.get(v, frozenset()))
@@ -52,21 +52,21 @@ def dependence(solution: Solution) -> Dependence:
 
 
 def _at_start(solution: Solution, nodes: dict[int, list[int]]) -> dict[int, frozenset[int]]:
-    """What else is needed at the start: all variables of the condition that a state or unknown is solved from."""
+    """For each state or unknown that a start condition determines, all variables of that condition."""
     start = start_problem(solution)
     if not start.conditions:
         return {}
     given = {*start.direct, *start.defaulted}
     order = [*solution.algebraic, *(x for x in solution.structure.states if x not in given)]
-    place = {v: k for k, v in enumerate(order)}
-    rows = [_plain(solution, nodes, c.node) for c in start.conditions]
-    rows += [_plain(solution, nodes, r) for r in solution.residuals]
-    incidence = Incidence.from_rows([sorted(place[v] for v in row if v in place) for row in rows], len(order))
+    column_of = {v: k for k, v in enumerate(order)}
+    rows = [_variables_at_instant(solution, nodes, c.node) for c in start.conditions]
+    rows += [_variables_at_instant(solution, nodes, r) for r in solution.residuals]
+    incidence = Incidence.from_rows([sorted(column_of[v] for v in row if v in column_of) for row in rows], len(order))
     return {order[int(c)]: frozenset(row) for c, row in zip(match(incidence), rows, strict=True) if c >= 0}
 
 
-def _plain(solution: Solution, nodes: dict[int, list[int]], node: int) -> set[int]:
-    """Variables behind a node at one instant: through definitions, not through rates or blocks."""
+def _variables_at_instant(solution: Solution, nodes: dict[int, list[int]], node: int) -> set[int]:
+    """Variables on which a node depends at one instant: through definitions, but not through rates or blocks."""
     pool = solution.structure.reduced.pool
     ends = {*solution.structure.states, *solution.algebraic}
     return closure(
@@ -90,7 +90,7 @@ def loops(solution: Solution) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
 def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
     """The part of a solution that determines flat scalars.
 
-    Everything else is left out of results as well: `left_out` of the reduced system.
+    Everything else is also left out of results: `left_out` of the reduced system.
     """
     structure = solution.structure
     reduced = structure.reduced
@@ -124,34 +124,34 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
 
 
 def _ends_runs(when: FlatWhen) -> bool:
-    """Whether a clause acts on the run as a whole."""
+    """Whether a clause acts on the run as a whole, because it terminates it or has no actions."""
     return when.terminate is not None or not when.actions
 
 
 def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[int]) -> ReducedSystem:
-    """The reduced system without starts, initial equations, actions and names of what is not kept."""
+    """The reduced system without starts, initial equations, actions and names of variables that are not kept."""
     pool, flat = reduced.pool, reduced.flat
 
-    def inside(node: int) -> bool:
+    def is_kept(node: int) -> bool:
         return pool.variables_in(node) <= kept
 
-    initial = [k for k, n in enumerate(reduced.initial) if inside(n)]
-    asserts = [k for k, n in enumerate(reduced.asserts) if inside(n)]
+    initial = [k for k, n in enumerate(reduced.initial) if is_kept(n)]
+    asserts = [k for k, n in enumerate(reduced.asserts) if is_kept(n)]
     unchecked = [a.message for k, a in enumerate(flat.asserts) if k not in asserts]
-    note = f"not checked, as it is about what no output depends on: {'; '.join(unchecked)}"
-    assigned = [k for k, a in enumerate(flat.assignments) if inside(reduced.image[a.scalar])]
+    note = f"not checked, because no output depends on its variables: {'; '.join(unchecked)}"
+    assigned = [k for k, a in enumerate(flat.assignments) if is_kept(reduced.image[a.scalar])]
     whens, when_nodes = [], []
     for when, found in zip(flat.whens, reduced.whens, strict=True):
-        own = [k for k, (s, _) in enumerate(when.actions) if pool.variables_in(reduced.image[s]) & kept]
-        if own or _ends_runs(when):
-            whens.append(when._replace(actions=tuple(when.actions[k] for k in own)))
-            when_nodes.append(found._replace(values=tuple(found.values[k] for k in own)))
+        kept_actions = [k for k, (s, _) in enumerate(when.actions) if pool.variables_in(reduced.image[s]) & kept]
+        if kept_actions or _ends_runs(when):
+            whens.append(when._replace(actions=tuple(when.actions[k] for k in kept_actions)))
+            when_nodes.append(found._replace(values=tuple(found.values[k] for k in kept_actions)))
     return replace(
         reduced,
         flat=replace(
             flat,
-            # an input that nothing is left to depend on still has its declared value
-            starts={s: start for s, start in flat.starts.items() if s in flat.inputs or inside(reduced.image[s])},
+            # An input on which nothing depends any more still has its declared value.
+            starts={s: start for s, start in flat.starts.items() if s in flat.inputs or is_kept(reduced.image[s])},
             initial_equations=tuple(flat.initial_equations[k] for k in initial),
             whens=tuple(whens),
             assignments=tuple(flat.assignments[k] for k in assigned),
@@ -167,12 +167,12 @@ def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[
 
 
 def _left_out(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[int]) -> frozenset[int]:
-    """Scalars that a result does not hold: whatever is not at hand anyway."""
-    asked = set(scalars)
+    """Scalars without a trajectory in results: neither requested nor available without further computation."""
+    requested = set(scalars)
     pool = reduced.pool
 
-    def at_hand(node: int) -> bool:
+    def is_available(node: int) -> bool:
         inner = pool.nodes[node][1] if pool.nodes[node][0] == "neg" else node
         return pool.nodes[inner][1] in kept if pool.nodes[inner][0] == "var" else not pool.variables_in(node)
 
-    return frozenset(s for s, node in enumerate(reduced.image) if s not in asked and not at_hand(node))
+    return frozenset(s for s, node in enumerate(reduced.image) if s not in requested and not is_available(node))

@@ -1,11 +1,11 @@
-"""Contacts that cannot come about in a model that is made smaller: which pairs of bodies can touch, proved by bounds.
+"""Contacts that cannot occur in a reduced model: bounds prove which pairs of bodies can touch.
 
-What moves depends on who touches whom, and the other way round. So the pairs grow: without any contact the model is
-solved, and the poses of the bodies are bounded (`acausal.reduce.motionless`); pairs whose bounds meet enter the
-equations, and so on until none is added. The model of the last round is the true one: as long as no other pair has
-touched, it moves as computed, and moving so, no other pair touches.
+Which bodies move depends on which touch each other, and vice versa. The set of pairs is therefore extended step by
+step: the model is solved without any contact, and the poses of the bodies are bounded (`acausal.reduce.motionless`).
+Pairs whose bounds overlap are added to the equations, and so on until no pair is added. The last model is correct: as
+long as no other pair has touched, it moves as computed, and moving so, no other pair can touch.
 
-What takes part are components with a choice of structures (`acausal.language.choices`), such as
+This applies to components with a choice of structures (`acausal.language.choices`), such as
 `library/contact/scene/scene.py`.
 """
 
@@ -26,28 +26,28 @@ from acausal.reduce.select import Left
 
 CONTACT = "contact"
 Solved = Callable[[Sequence[str], Mapping[str, Choice]], Solution]
-"""The equations that some signals need, for the model with these choices."""
+"""Returns the solution that some signals need, for the model with these choices."""
 
 
 def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Left, ...]]:
-    """Choices with the contacts that can come about, by path, and what was left out.
+    """Choices with the contacts that can occur, by path, and the contacts that were left out.
 
-    Raises UsageError: AC027 when contacts are kept that change the structure during a run: drills that leave several
-    holes.
+    Raises UsageError: AC027 if contacts are kept that change the structure during a run, such as drills that make
+    several holes.
     """
     choices: dict[str, Choice] = {path: c.least(True) for path, c in components(model) if is_changing(c)}
     growing = list(choices)
     while growing:
-        found = {path: _grown(path, choices, solved) for path in choices}
+        found = {path: _extended(path, choices, solved) for path in choices}
         choices = {path: choice for path, (choice, _) in found.items()}
         growing = [path for path, (_, grown) in found.items() if grown]
     for path, choice in choices.items():
-        refuse_unsteady(type(model).__name__, {path: choice}, "it cannot be made smaller")
+        refuse_unsteady(type(model).__name__, {path: choice}, "it cannot be reduced")
     return choices, tuple(Left(CONTACT, f"{path}: {n}", why) for path, c in choices.items() for n, why in c.apart())
 
 
-def _grown(path: str, choices: Mapping[str, Choice], solved: Solved) -> tuple[Choice, bool]:
-    """Bound the poses and choose anew."""
+def _extended(path: str, choices: Mapping[str, Choice], solved: Solved) -> tuple[Choice, bool]:
+    """Bound the poses and extend the choice by the contacts that are possible within the bounds."""
     choice = choices[path]
     names = choice.poses()
     if not names:
@@ -75,5 +75,5 @@ def refuse_unsteady(model: str, choices: Mapping[str, Choice], consequence: str)
                 "AC027",
                 f"contacts of {model} would change the equations during a run: {consequence}",
                 evidence=[f"{path}: {name} may leave several holes" for name in names[:6]],
-                help="a drill that keeps to one hole says so: DrillBody(wanders=False, ...)",
+                help="declare a drill that stays in one hole: DrillBody(wanders=False, ...)",
             )

@@ -1,4 +1,4 @@
-"""Known values put into a solution: what they make constant leaves it, and expressions become shorter."""
+"""Substitution of constants into a solution: constant variables are removed, and expressions become shorter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.reduce.motionless import Constants
 
 
 def fold(solution: Solution, constants: Constants) -> Solution:
-    """The solution without what never changes; images of constant variables are nodes of parameters."""
+    """The solution without constant variables, whose images become nodes of parameters."""
     structure = solution.structure
     reduced = structure.reduced
     images = _images(solution, constants)
@@ -38,16 +38,16 @@ def fold(solution: Solution, constants: Constants) -> Solution:
 
 
 def resolved(solution: Solution, constants: Constants, formulation: str) -> Solution:
-    """The same system solved once more with constants for the states that never move, and branches that are decided.
+    """The same system solved again with constants for the states that never move, and with decided branches.
 
-    Blocks fall apart, and what could not be divided by in general may now be safe: a body that turns about one axis
-    only has a constant matrix of inertia. The states stay; `fold` takes them out.
+    Blocks may fall apart, and divisors may become safe: a body that turns about one axis only has a constant matrix of
+    inertia. The states remain; `fold` removes them.
     """
     structure = solution.structure
     pool = structure.reduced.pool
-    still = {x: constants.variables[x] for x in structure.states if x in constants.variables}
+    resting = {x: constants.variables[x] for x in structure.states if x in constants.variables}
     decided = {n: pool.one if holds else pool.zero for n, holds in constants.relations.items()}
-    images = rewritten(pool, list(structure.residuals), still, {**constants.branches, **decided})
+    images = rewritten(pool, list(structure.residuals), resting, {**constants.branches, **decided})
     return solve(reordered(structure, [pool.collected(images[r]) for r in structure.residuals]), formulation)
 
 
@@ -60,7 +60,7 @@ def _images(solution: Solution, constants: Constants) -> dict[int, int]:
 
 
 def rewritten(pool: Pool, roots: list[int], variables: Mapping[int, int], nodes: Mapping[int, int]) -> dict[int, int]:
-    """Images of all nodes below `roots`; variables and nodes are replaced by what they equal."""
+    """Images of all nodes below `roots`; `variables` and `nodes` map variables and nodes to their replacements."""
     done: dict[int, int] = {}
     for number in pool.reachable(roots):
         node = pool.nodes[number]
@@ -78,7 +78,7 @@ def rewritten(pool: Pool, roots: list[int], variables: Mapping[int, int], nodes:
 
 
 def _folded(reduced: ReducedSystem, images: Mapping[int, int]) -> ReducedSystem:
-    """The reduced system with new images; initial equations and starts that say nothing any more are left out."""
+    """The reduced system with new images, without the initial equations and starts that have become trivial."""
     pool, flat = reduced.pool, reduced.flat
     image = tuple(images[n] for n in reduced.image)
     kept = [k for k, n in enumerate(reduced.initial) if images[n] != pool.zero]
@@ -94,7 +94,7 @@ def _folded(reduced: ReducedSystem, images: Mapping[int, int]) -> ReducedSystem:
     )
 
 
-def _blocks(solution: Solution, gone: Mapping[int, int]) -> tuple[BlockReport, ...]:
-    """Blocks without the unknowns that are gone."""
-    found = (replace(b, unknowns=tuple(v for v in b.unknowns if v not in gone)) for b in solution.blocks)
+def _blocks(solution: Solution, constant_variables: Mapping[int, int]) -> tuple[BlockReport, ...]:
+    """Blocks without the unknowns that are constant."""
+    found = (replace(b, unknowns=tuple(v for v in b.unknowns if v not in constant_variables)) for b in solution.blocks)
     return tuple(b for b in found if b.unknowns)

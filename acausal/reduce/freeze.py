@@ -1,4 +1,4 @@
-"""Parameters made numbers: they cannot be changed any more without compiling, and zeros and ones disappear."""
+"""Parameters replaced by numbers: a new value needs a compilation, but zeros and ones simplify the equations."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ ZEROS = "zeros"
 
 
 def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
-    """The flat system with the named parameters as numbers, in a pool of its own.
+    """The flat system with the named parameters replaced by numbers, in a new pool.
 
     Raises UsageError: AC020 for a name that is neither parameter nor component.
 
-    `names`: Parameters, entries of array parameters (`body.r_CM[1]`), components (all their parameters), patterns with
-    `*`, or "zeros": all entries whose value is zero.
+    `names` are parameters, entries of array parameters (`body.r_CM[1]`), components (for all their parameters),
+    patterns with `*`, or "zeros" for all entries whose value is zero.
     """
     frozen = sorted(_frozen(flat, names))
     if not frozen:
         return flat
-    gone = set(frozen)
-    kept = [k for k in range(len(flat.parameter_values)) if k not in gone]
+    removed = set(frozen)
+    kept = [k for k in range(len(flat.parameter_values)) if k not in removed]
     number = {k: i for i, k in enumerate(kept)}
     old, new = flat.pool, Pool()
     new.new_variables(old.n_variables)
@@ -39,7 +39,7 @@ def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
         if op == "var":
             image[k] = new.var(index[0])
         elif op == "par":
-            image[k] = new.const(flat.parameter_values[index[0]]) if index[0] in gone else new.par(number[index[0]])
+            image[k] = new.const(flat.parameter_values[index[0]]) if index[0] in removed else new.par(number[index[0]])
     new.copy(old, range(len(old.nodes)), image)
     new.slope.update((v, image[n]) for v, n in old.slope.items())
     return replace(
@@ -51,7 +51,7 @@ def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
 
 
 def _nominals(flat: FlatSystem) -> tuple[float, ...]:
-    """Magnitude of every scalar while nothing is frozen."""
+    """Magnitude of every scalar before any parameter is frozen."""
     reduced = reduce(flat)
     found = [flat.declaration(s).nominal for s in range(flat.n_scalars)]
     for v, scalars in reduced.aliases.items():
@@ -62,14 +62,14 @@ def _nominals(flat: FlatSystem) -> tuple[float, ...]:
 
 
 def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
-    """Positions of the free parameter scalars that names stand for."""
+    """Indices of the free parameter scalars that the names select."""
     entries: dict[str, list[int]] = {}
     for p in flat.parameters:
-        free = [flat.pool.nodes[n] for n in p.nodes]
-        numbers = [n[1] for n in free if n[0] == "par"] if p.free else []
+        free_nodes = [flat.pool.nodes[n] for n in p.nodes]
+        numbers = [n[1] for n in free_nodes if n[0] == "par"] if p.free else []
         entries[p.path] = numbers
         if p.free:
-            for suffix, node in zip(suffixes(p.declaration.shape), free, strict=True):
+            for suffix, node in zip(suffixes(p.declaration.shape), free_nodes, strict=True):
                 entries.setdefault(p.path + suffix, [node[1]] if node[0] == "par" else [])
         for owner in _owners(p.path):
             entries.setdefault(owner, []).extend(numbers)
@@ -79,15 +79,15 @@ def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
             found.update(entries[name])
         elif name == ZEROS:
             found.update(k for k, v in enumerate(flat.parameter_values) if v == 0.0)
-        elif fit := fitting(name, entries):
-            found.update(k for e in fit for k in entries[e])
+        elif matching_names := fitting(name, entries):
+            found.update(k for e in matching_names for k in entries[e])
         else:
             raise _unknown(flat, name, list(entries))
     return found
 
 
 def _owners(path: str) -> list[str]:
-    """Paths of the components around a parameter, the model itself left out."""
+    """Paths of the components around a parameter, except the model itself."""
     parts = path.split(".")[:-1]
     return [".".join(parts[: k + 1]) for k in range(len(parts))]
 
@@ -100,5 +100,5 @@ def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
         evidence=meant(name, known),
         help="it is a variable: only parameters can be frozen"
         if name in variables
-        else "name parameters, components, patterns with *, or zeros: all parameters that are zero",
+        else "name parameters, components, patterns with *, or zeros for all parameters that are zero",
     )

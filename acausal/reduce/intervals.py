@@ -1,7 +1,7 @@
 """Bounds of expressions, to prove that a relation always or never holds: two bodies that cannot touch.
 
-Every operation is rounded outward by a little more than its rounding error, so that what is decided is proved, for all
-values of variables and for all values that the declared limits of parameters allow.
+Every operation is rounded outward by a little more than its rounding error. A decision is therefore proved for all
+values of variables, and for all values that the declared limits of parameters allow.
 
 Source: R. E. Moore, Interval Analysis (1966).
 """
@@ -17,11 +17,11 @@ from acausal.flatten.flat import FlatSystem
 Interval = tuple[float, float]
 
 EVERYTHING: Interval = (-math.inf, math.inf)
-_SLACK = 4e-16
+_ROUNDING = 4e-16
 
 
 def parameter_limits(flat: FlatSystem) -> list[Interval]:
-    """What a run accepts for each free parameter scalar, by its declared limits."""
+    """Interval of the values that a run accepts for each free parameter scalar, by its declared limits."""
     limits = [EVERYTHING] * len(flat.parameter_values)
     for parameter in flat.parameters:
         if parameter.free:
@@ -32,7 +32,7 @@ def parameter_limits(flat: FlatSystem) -> list[Interval]:
 
 
 def interval(op: Any, args: tuple[int, ...], operands: tuple[Interval, ...]) -> Interval:
-    """Bounds of an operation; `args` are the operands' nodes, by which equal factors are known to be squares."""
+    """Bounds of an operation; `args` are the nodes of its operands, which show that equal factors form a square."""
     if op == "mul" and args[0] == args[1]:
         return _square(operands[0])
     rule = _RULES.get(op)
@@ -45,7 +45,7 @@ def interval(op: Any, args: tuple[int, ...], operands: tuple[Interval, ...]) -> 
 
 
 def decided(op: str, a: Interval, b: Interval) -> bool | None:
-    """Whether `a op b` holds for all values, or for none; None when that depends."""
+    """Whether `a op b` holds for all values (True) or for none (False); None if that depends on them."""
     if op in ("gt", "ge"):
         op, a, b = ("lt" if op == "gt" else "le"), b, a
     if op == "lt":
@@ -54,7 +54,7 @@ def decided(op: str, a: Interval, b: Interval) -> bool | None:
 
 
 def _outward(low: float, high: float) -> Interval:
-    return low - _SLACK * abs(low) if low else low, high + _SLACK * abs(high) if high else high
+    return low - _ROUNDING * abs(low) if low else low, high + _ROUNDING * abs(high) if high else high
 
 
 def _square(a: Interval) -> Interval:
@@ -64,7 +64,7 @@ def _square(a: Interval) -> Interval:
 
 
 def _times(a: float, b: float) -> float:
-    # 0 times infinity is 0 here: the infinite end of an interval is not attained.
+    # 0 times infinity is 0, because the infinite end of an interval is never attained.
     return 0.0 if a == 0.0 or b == 0.0 else a * b
 
 
@@ -93,7 +93,7 @@ def _pow(a: Interval, b: Interval) -> Interval:
 
 
 def _safely(function: Callable[[float], float], a: Interval) -> Interval:
-    """Image under a function that never falls."""
+    """Image under a monotonically increasing function."""
     ends = []
     for x, beyond in ((a[0], -math.inf), (a[1], math.inf)):
         try:

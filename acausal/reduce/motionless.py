@@ -1,13 +1,13 @@
-"""What provably never changes: states that stay where they start, relations that never switch, and all that follows.
+"""Constants of motion: states that provably stay at their start, relations that never switch, and their consequences.
 
 A body that is guided along one axis has eleven other states in three dimensions; they start at rest and nothing moves
-them. That is seen by assuming it: all states are taken for constant at first, every expression is evaluated under that
-assumption, and a state whose rate does not come out as exactly zero loses it again, with everything that depended on
-it. What is left at the end supports itself: these values satisfy the equations, whatever the others do, so they are the
-solution. Relations are decided in the same pass, by bounds of their two sides, because a contact that cannot come about
-is often what keeps two bodies in their planes.
+them. This is proved by assuming it: all states are first assumed to be constant, and every expression is evaluated
+under that assumption. If the rate of a state is not exactly zero, the assumption is withdrawn for this state and for
+everything that depends on it. The remaining assumptions are consistent: their values satisfy the equations, whatever
+the other variables do, and are therefore the solution. Relations are decided in the same pass, by bounds of their two
+sides, because bodies often stay in a plane only as long as some contact cannot occur.
 
-Parameters are symbols all the while: what is found holds for all their values, within declared limits.
+Parameters remain symbols, so that the results hold for all their values within the declared limits.
 
 Source: M. N. Wegman, F. K. Zadeck, Constant propagation with conditional branches, ACM TOPLAS 13 (1991) 181-210.
 """
@@ -28,13 +28,13 @@ _KINKS = frozenset(("min", "max", "fabs"))
 
 @dataclass(frozen=True)
 class Constants:
-    """What does not change."""
+    """Everything that does not change during a run."""
 
-    # Variable -> node of parameters only that it equals all the time; states among them stay at their start.
+    # Variable -> node of parameters only that it always equals; states among them stay at their start.
     variables: Mapping[int, int]
-    equal: Mapping[int, int]  # expressions that are constant too: their nodes of parameters only
-    branches: Mapping[int, int]  # branches and kinks of which always the same operand is taken: the operand
-    relations: Mapping[int, bool]  # relations of variables that never switch, and whether they hold
+    equal: Mapping[int, int]  # constant expression -> node of parameters only
+    branches: Mapping[int, int]  # branch or kink that always equals the same operand -> the operand
+    relations: Mapping[int, bool]  # relation of variables that never switches -> whether it holds
 
 
 def constants(solution: Solution) -> Constants:
@@ -43,7 +43,7 @@ def constants(solution: Solution) -> Constants:
 
 
 def bounds(solution: Solution, nodes: Sequence[int]) -> list[Interval]:
-    """Bounds of nodes for all that can happen, one per node."""
+    """Bounds of nodes in all possible runs, one per node."""
     propagation = _Propagation(solution)
     propagation.run()
     for node in nodes:
@@ -85,21 +85,21 @@ class _Propagation:
                 states = [x for x in states if x not in set(moving)]
                 self.lower_variables(moving)
                 continue
-            doubtful = self.unproved()
-            if not doubtful:
+            unproved_decisions = self.unproved()
+            if not unproved_decisions:
                 break
-            self.lower_nodes(doubtful)
+            self.lower_nodes(unproved_decisions)
         equal = {n: k for n, k in self.equal.items() if n != k}
         return Constants(
             dict(self.known), equal, dict(self.taken), {n: v for n, v in self.relations.items() if self.varies(n)}
         )
 
     def varies(self, relation: int) -> bool:
-        """Whether a decided relation is one of things that vary."""
+        """Whether a side of a decided relation varies."""
         return any(a not in self.equal for a in self.pool.nodes[relation][1:])
 
     def first_pass(self) -> None:
-        """Everything as it is if no state moves, in evaluation order."""
+        """Evaluate everything under the assumption that no state moves, in evaluation order."""
         for variable, node in self.solution.definitions:
             self.visit(node)
             if node in self.equal:
@@ -108,7 +108,7 @@ class _Propagation:
             self.visit(root)
 
     def visit(self, root: int) -> None:
-        """Evaluate all nodes below one that have not been."""
+        """Evaluate those nodes below a root that have not been evaluated yet."""
         nodes = self.pool.nodes
         for here in self.pool.reachable([root], self.bounds):
             node = nodes[here]
@@ -118,7 +118,7 @@ class _Propagation:
             self.evaluate(here)
 
     def evaluate(self, number: int) -> None:
-        """The value of a node whose operands are done, and its bounds."""
+        """Determine the value and the bounds of a node whose operands have been evaluated."""
         equal = self.value(number)
         if equal is not None:
             self.equal[number] = equal
@@ -127,7 +127,7 @@ class _Propagation:
         self.bounds[number] = self.bound(number)
 
     def value(self, number: int) -> int | None:
-        """Node of parameters that a node equals; None when it varies."""
+        """Node of parameters that a node equals; None if it varies."""
         pool = self.pool
         node = pool.nodes[number]
         op = node[0]
@@ -138,15 +138,15 @@ class _Propagation:
             return self.known.get(node[1])
         args = node[1:]
         if op in LEAVES or op == "sample" or not args:
-            return None  # time, and what tells the first instant of a run from others
+            return None  # time, and operations that distinguish the first instant of a run from others
         found = [self.equal.get(a) for a in args]
         if op == "div" and found[0] == pool.zero and safety(self.points, args[1]) is not None:
             return pool.zero
-        known = None if None in found else pool.make(op, *[f for f in found if f is not None])
-        if op in RELATIONS and (known is None or pool.value(known) is None):
-            known = self.decide(number, known)
-        if known is not None or op in RELATIONS:
-            return known
+        assumed = None if None in found else pool.make(op, *[f for f in found if f is not None])
+        if op in RELATIONS and (assumed is None or pool.value(assumed) is None):
+            assumed = self.decide(number, assumed)
+        if assumed is not None or op in RELATIONS:
+            return assumed
         zero = pool.zero
         if op == "mul" and zero in found:
             return zero
@@ -179,7 +179,7 @@ class _Propagation:
         return None
 
     def decide(self, number: int, otherwise: int | None) -> int | None:
-        """The truth of a relation by the bounds of its sides; `otherwise` where they do not tell."""
+        """The value of a relation by the bounds of its sides; `otherwise` if they do not decide it."""
         op, a, b = self.pool.nodes[number]
         holds = decided(op, self.bounds[a], self.bounds[b])
         if holds is None:
@@ -208,7 +208,7 @@ class _Propagation:
         return interval(op, tuple(args), tuple(self.bounds[a] for a in args))
 
     def parameter_bounds(self, node: int) -> Interval:
-        """Bounds of a node of parameters, which may have been made just now."""
+        """Bounds of a node of parameters, which may be new."""
         for n in self.pool.reachable([node]):
             if n not in self.bounds:
                 self.equal[n] = n
@@ -216,7 +216,7 @@ class _Propagation:
         return self.bounds[node]
 
     def lower_variables(self, variables: Iterable[int]) -> None:
-        """These vary after all."""
+        """Withdraw the assumption that these variables are constant."""
         changed = []
         for v in variables:
             self.known.pop(v, None)
@@ -224,7 +224,7 @@ class _Propagation:
         self.lower_nodes(changed)
 
     def lower_nodes(self, nodes: Iterable[int]) -> None:
-        """Evaluate nodes again, and all that used the values they had."""
+        """Evaluate nodes again, and everything that depends on them."""
         stack = list(nodes)
         while stack:
             number = stack.pop()
@@ -239,7 +239,7 @@ class _Propagation:
                     stack.append(self.pool.var(variable))
 
     def unproved(self) -> list[int]:
-        """Decisions by bounds that the final bounds do not support any more; all bounds are computed anew."""
+        """Compute all bounds anew; return the decisions by bounds that these no longer support."""
         for number in self.order:
             self.bounds[number] = self.bound(number)
         found = []
@@ -257,7 +257,7 @@ class _Propagation:
 
 
 def _resting(solution: Solution) -> dict[int, int]:
-    """States that may stay where they start: node of the start; not those that an event sets."""
+    """Maps states that may stay at their start to the node of the start; without those that an event sets."""
     structure = solution.structure
     reduced = structure.reduced
     start = start_problem(solution)

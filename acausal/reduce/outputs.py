@@ -1,4 +1,4 @@
-"""Names of wanted outputs: what they mean in a flat system, and what to say when they mean nothing."""
+"""Names of requested outputs: the variables of a flat system that they select, and errors for unknown names."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from acausal.flatten.flat import FlatSystem, suffixes
 
 
 def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
-    """Flat scalar of every wanted output by its full name; arrays give all their entries.
+    """Flat scalar of every requested output by its full name; an array stands for all its entries.
 
-    A name with `*` stands for all variables that it fits; `time` is always there and adds nothing.
+    A name with `*` stands for all variables that match it; `time` is always available and adds nothing.
 
-    Raises UsageError: AC010 for a name that is no variable of the model, AC018 when nothing is asked for.
+    Raises UsageError: AC010 for a name that is not a variable of the model, AC018 if no output is requested.
     """
     entries: dict[str, dict[str, int]] = {}
     for v in flat.variables:
@@ -25,22 +25,22 @@ def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
     for name in (n.strip() for n in names):
         if name in entries:
             found |= entries[name]
-        elif fit := fitting(name, entries):
-            for entry in fit:
+        elif matching := fitting(name, entries):
+            for entry in matching:
                 found |= entries[entry]
         elif name != "time":
             raise _unknown(flat, name, list(entries))
     if not found:
         raise UsageError(
             "AC018",
-            f"no output of {flat.name} is asked for",
-            help="name the variables that are wanted, for example outputs=['" + next(iter(entries), "mass.s") + "']",
+            f"no output of {flat.name} is requested",
+            help="name the requested variables, for example outputs=['" + next(iter(entries), "mass.s") + "']",
         )
     return found
 
 
 def fitting(pattern: str, names: Iterable[str]) -> list[str]:
-    """Names that a pattern fits, in which `*` stands for any text; none for what is no pattern."""
+    """Names that match a pattern, in which `*` stands for any text; none if it contains no `*`."""
     if "*" not in pattern:
         return []
     # Not fnmatch: brackets are indices here.
@@ -53,12 +53,12 @@ def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
     inside = [n for n in known if n.startswith(name + ".")]
     advice = None
     if name in parameters:
-        advice = "it is a parameter: it depends on nothing, and is read without any run"
+        advice = "it is a parameter: it depends on nothing, and can be read without a run"
     elif inside:
         advice = f"it is a component: name its variables, {', '.join(inside[:3])}, or all of them: {name}.*"
     return UsageError(
         "AC010",
-        f"{flat.name} has no variable '{name}' to be an output",
+        f"{flat.name} has no variable '{name}' that could be an output",
         evidence=meant(name, known),
         help=advice,
     )

@@ -1,9 +1,9 @@
-"""Stiff modes in their quasi-static limit: states that follow at once, as if their rates were zero.
+"""Stiff modes in their quasi-static limit: states that follow others instantaneously, as if their rates were zero.
 
-With `eps x' = f(x, y)` and a stable f the state x comes to rest at f(x, y) = 0 within a time of order eps; what is left
-is the slow motion of y, with an error of the order of eps outside that first moment. Here the rate of a named state,
-and all higher ones, become zero, and its differential equation determines the state itself. The quasi-static limit of
-a position takes its velocity along; that of a velocity alone leaves out the inertia.
+With `eps x' = f(x, y)` and a stable f, the state x settles at f(x, y) = 0 within a time of order eps. The slow motion
+of y remains, with an error of order eps after this initial layer. Here the rate of a named state, and all higher
+derivatives, become zero, and its differential equation determines the state itself. The quasi-static limit of a
+position includes its velocity; that of a velocity alone neglects the inertia.
 
 Source: A. N. Tikhonov, Systems of differential equations with small parameters, Mat. Sb. 31 (1952) 575-586;
 P. Kokotovic, H. Khalil, J. O'Reilly, Singular Perturbation Methods in Control (1986), chapter 1.
@@ -23,39 +23,39 @@ from acausal.reduce.fold import rewritten
 
 
 def quasi_static(solution: Solution, names: Sequence[str], formulation: str) -> Solution:
-    """The solution with the named states at rest relative to all others.
+    """The solution with the named states in their quasi-static limit.
 
-    Raises UsageError: AC026 for a name that is no state of the model, or a state that cannot be taken: one that an
+    Raises UsageError: AC026 for a name that is not a state of the model, or a state without such a limit: one that an
     event sets, or one of a stabilised constraint.
-    Raises StructureError: AC211 when the equations without these rates do not determine the states.
+    Raises StructureError: AC211 if the equations without these rates do not determine the states.
 
-    `names`: States, or aliases of states up to sign; a component stands for all its states.
+    `names` are states, or aliases of states up to sign; a component stands for all its states.
     """
     structure = solution.structure
     fast = states_named(structure, names)
     _check(structure, fast, names)
     pool = structure.reduced.pool
-    gone = _rates(pool, fast)
-    fast -= gone
-    states = tuple(x for x in structure.states if x not in fast and x not in gone)
-    zeros = dict.fromkeys(gone, pool.zero)
+    zero_rates = _rates(pool, fast)
+    fast -= zero_rates
+    states = tuple(x for x in structure.states if x not in fast and x not in zero_rates)
+    zeros = dict.fromkeys(zero_rates, pool.zero)
     images = rewritten(pool, list(structure.residuals), zeros, {})
     residuals = [pool.collected(images[r]) for r in structure.residuals]
     changed = replace(structure, reduced=_without(structure.reduced, zeros, fast))
     try:
-        return solve(reordered(changed, residuals, states, gone), formulation)
+        return solve(reordered(changed, residuals, states, zero_rates), formulation)
     except StructureError as error:
         raise StructureError(
             "AC211",
             f"no quasi-static limit for {', '.join(names)}: the rates do not depend on the states themselves",
             evidence=[error.fact, *error.evidence],
-            cause="a position without a spring comes to rest anywhere",
-            help="take the velocity alone, which leaves out the inertia, or the whole component that is stiff",
+            cause="a position without a spring can come to rest anywhere",
+            help="name the velocity alone, which neglects the inertia, or the whole stiff component",
         ) from None
 
 
 def states_named(structure: Structure, names: Sequence[str]) -> set[int]:
-    """States behind names.
+    """The states that names stand for.
 
     Raises UsageError: AC026 for a name that stands for no state.
     """
@@ -68,7 +68,7 @@ def states_named(structure: Structure, names: Sequence[str]) -> set[int]:
     found: set[int] = set()
     for name in names:
         fitting = known.get(name) or {
-            x for x in states for own in [reduced.name(x)] if own.startswith((name + ".", name + "["))
+            x for x in states for state_name in [reduced.name(x)] if state_name.startswith((name + ".", name + "["))
         }
         if not fitting:
             raise UsageError(
@@ -90,7 +90,7 @@ def _check(structure: Structure, fast: set[int], names: Sequence[str]) -> None:
     constrained = pool.variables_in(*(n for _, n in structure.invariants))
     for x in fast & (bound | constrained):
         why = "an event sets it" if x in bound else "it is part of a stabilised constraint"
-        raise UsageError("AC026", f"{reduced.name(x)} cannot be taken as quasi-static: {why}")
+        raise UsageError("AC026", f"{reduced.name(x)} cannot be quasi-static: {why}")
 
 
 def _rates(pool: Pool, states: set[int]) -> frozenset[int]:
@@ -104,12 +104,12 @@ def _rates(pool: Pool, states: set[int]) -> frozenset[int]:
 
 
 def _without(reduced: ReducedSystem, zeros: dict[int, int], fast: set[int]) -> ReducedSystem:
-    """The reduced system without rates that are zero; starts of what follows at once are guesses only."""
+    """The reduced system without rates that are zero; the starts of quasi-static states become guesses."""
     pool, flat = reduced.pool, reduced.flat
     roots = [*reduced.image, *reduced.initial, *reduced.event_nodes]
     images = rewritten(pool, roots, zeros, {})
     free = {*fast, *zeros}
-    # What determined the start of a fast state now contradicts its equation.
+    # Conditions for the start of a fast state would now contradict its equation.
     kept = [k for k, n in enumerate(reduced.initial) if not pool.variables_in(n) & free]
     starts = {
         s: start._replace(is_fixed=start.is_fixed and not pool.variables_in(reduced.image[s]) & free)

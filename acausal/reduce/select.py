@@ -1,4 +1,4 @@
-"""The smallest model that gives wanted outputs: the passes between solving and lowering, and what they left out."""
+"""The smallest model that computes requested outputs: the passes between solving and lowering, and what they omit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MOST_ROUNDS = 4
 
 @dataclass(frozen=True)
 class Left:
-    """Something that is no part of the reduced model: `kind` is one of KINDS."""
+    """Something that is not part of the reduced model; `kind` is one of KINDS."""
 
     kind: str
     name: str
@@ -30,19 +30,19 @@ KINDS = ("parameter", "contact", "motionless", "relation", "quasi-static", "stat
 
 @dataclass(frozen=True)
 class Selection:
-    """What was asked for, and what was left out for it."""
+    """The requested outputs, and what was left out of the model."""
 
-    outputs: tuple[str, ...] | None  # full names of the wanted outputs; None when everything was wanted
+    outputs: tuple[str, ...] | None  # full names of the requested outputs; None if all were requested
     constant: tuple[str, ...]  # those of them that depend on parameters only
-    left: tuple[Left, ...]  # what the full model has and this one has not, with the reasons
+    left: tuple[Left, ...]  # parts of the full model that this one lacks, with the reasons
 
 
 def select(
     solution: Solution, outputs: Sequence[str] | None, at_once: Sequence[str], formulation: str
 ) -> tuple[Solution, Selection]:
-    """Fold what never changes, then keep what the outputs depend on; None keeps everything that changes.
+    """Fold constants, then keep everything on which the outputs depend; None keeps everything that varies.
 
-    `at_once` names states that are taken in their quasi-static limit.
+    `at_once` names states that are replaced by their quasi-static limit.
 
     Raises UsageError: AC010 or AC018, see `acausal.reduce.outputs`; AC026, see `acausal.reduce.quasi_static`.
     """
@@ -54,21 +54,21 @@ def select(
         solution = quasi_static(full, at_once, formulation)
         name = full.structure.reduced.name
         gone = [name(x) for x in full.structure.states if x not in solution.structure.states]
-        left += [Left("quasi-static", x, "follows at once, as was asked for") for x in gone]
+        left += [Left("quasi-static", x, "follows instantaneously, as requested") for x in gone]
     solution, found = _folded(solution, formulation)
     left += _constant(solution, found)
     solution = fold(solution, found)
     if scalars is None:
         return solution, Selection(None, (), tuple(dict.fromkeys(left)))
     whole, solution = solution, restrict(solution, tuple(scalars.values()))
-    left += _dropped(whole, solution)
+    left += _without_effect(whole, solution)
     reduced = whole.structure.reduced
     constant = [n for n, s in scalars.items() if not reduced.pool.varies(reduced.image[s])]
     return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(left)))
 
 
 def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
-    """The system solved with all constants that can be found; each solution may show more of them."""
+    """The system solved with all constants that can be found; each new solution may reveal more of them."""
     found = constants(solution)
     for _ in range(_MOST_ROUNDS):
         before = found
@@ -77,9 +77,9 @@ def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
         try:
             again = resolved(solution, found, formulation)
         except StructureError:
-            break  # what keeps the equations independent is zero in this motion: the general solution is good for it
+            break  # a term that keeps the equations independent is zero in this motion; the general solution holds
         solution, found = again, constants(again)
-        # What was decided before stands in no equation any more.
+        # Relations that were decided before occur in no equation any more.
         found = replace(found, relations={**before.relations, **found.relations})
         if found.variables.keys() == before.variables.keys() and found.relations == before.relations:
             break
@@ -98,7 +98,7 @@ def _constant(solution: Solution, found: Constants) -> list[Left]:
     return left
 
 
-def _dropped(whole: Solution, part: Solution) -> list[Left]:
+def _without_effect(whole: Solution, part: Solution) -> list[Left]:
     reduced, kept = whole.structure.reduced, part.structure.reduced
     why = "no output depends on it"
     states, unknowns = set(part.structure.states), set(part.algebraic)
@@ -108,7 +108,7 @@ def _dropped(whole: Solution, part: Solution) -> list[Left]:
     left += [Left("event", str(w.source), why) for w in reduced.flat.whens if not any(w.source is s for s in sources)]
     messages = [a.source for a in kept.flat.asserts]
     left += [
-        Left("assert", a.message, "it is about what was left out")
+        Left("assert", a.message, "its variables were left out")
         for a in reduced.flat.asserts
         if not any(a.source is m for m in messages)
     ]

@@ -1,6 +1,6 @@
-"""Structure of equation systems: graphs of integers in, vectors of integers out.
+"""Structure of equation systems: algorithms that take graphs of integers and return vectors of integers.
 
-No language and no CasADi here: what a row or a column means stays with the caller.
+They know neither the language nor CasADi; the meaning of rows and columns is left to the caller.
 """
 
 from __future__ import annotations

@@ -18,18 +18,18 @@ Relation = tuple[int, int, int]
 class AliasClasses:
     """Unknowns as signed copies of representatives: v[i] = sign[i] * v[representative[i]]."""
 
-    representative: IntArray  # shape (n,): the member that stands for the class of each unknown; itself for most
+    representative: IntArray  # shape (n,): the member that represents the class of each unknown; usually itself
     sign: IntArray  # shape (n,): +1 or -1; +1 for representatives
     zero: BoolArray  # shape (n,): whether the relations of the class imply v = -v, so that all its members are 0
-    # Indices of the relations that follow from earlier ones. They carry no information: each is an equation too many in
-    # its cycle, and `cycle` names the others of it.
+    # Indices of the relations that follow from earlier ones. They carry no information: each is one equation too many
+    # in its cycle, and `cycle` finds the others of that cycle.
     redundant: tuple[int, ...]
 
     @property
     def kept(self) -> IntArray:
         """Unknowns that remain, ascending: representatives of the classes that are not zero. Shape (n_kept,)."""
-        own = self.representative == np.arange(len(self.representative))
-        return np.flatnonzero(own & ~self.zero)
+        is_representative = self.representative == np.arange(len(self.representative))
+        return np.flatnonzero(is_representative & ~self.zero)
 
     def __repr__(self) -> str:
         return (
@@ -48,14 +48,15 @@ def classes(n: int, relations: Sequence[Relation], priority: Sequence[int] | Int
     priority
         Shape (n,): the member with the highest priority represents its class; ties go to the lowest index.
 
-    The partition does not depend on the order of the relations; which of several are `redundant` does (the later).
+    The partition does not depend on the order of the relations; of a cycle, the latest relation counts as `redundant`.
 
     Raises InternalError (AC901) for a sign other than +1 and -1.
 
     Source: union-find by size with path halving, Tarjan and van Leeuwen, "Worst-case analysis of set union algorithms",
     J. ACM 31 (1984); each link carries the sign between its ends.
     """
-    # Plain lists and both finds written out: a numpy element costs 10 times a list element, a call 50 ns.
+    # Plain lists, and the find operation written out twice: an element of a numpy array costs 10 times one of a list,
+    # and a call 50 ns.
     parent = list(range(n))
     to_parent = [1] * n
     size = [1] * n
@@ -96,11 +97,11 @@ def classes(n: int, relations: Sequence[Relation], priority: Sequence[int] | Int
 def _represent(
     parent: list[int], to_parent: list[int], zero: list[bool], redundant: list[int], priority: IntArray
 ) -> AliasClasses:
-    """Turn the forest into classes led by their member of highest priority."""
+    """Turn the forest into classes that are represented by their member of highest priority."""
     root = np.array(parent, dtype=np.int64)
     sign = np.array(to_parent, dtype=np.int64)
     while not np.array_equal(root, above := root[root]):
-        # A root's own sign is +1, so elements that have arrived do not change.
+        # The sign of a root is +1, so elements that have reached their root do not change any more.
         sign = sign * sign[root]
         root = above
     order = np.lexsort((np.arange(len(root)), -priority, root))
@@ -117,11 +118,11 @@ def _represent(
 
 
 def cycle(relations: Sequence[Relation], index: int) -> tuple[int, ...]:
-    """Other relations from which relation `index` follows, along a shortest path; the evidence for a message.
+    """Other relations from which relation `index` follows, along a shortest path; evidence for a message.
 
-    Empty when it follows from nothing but itself (i = i). Costs O(number of relations): for the few that are reported.
+    Empty if the relation is trivial (i = i). Costs O(number of relations), which is paid only for those reported.
 
-    Raises InternalError (AC904) when the others do not imply it, which cannot be for one of `AliasClasses.redundant`.
+    Raises InternalError (AC904) if the others do not imply it, which cannot happen for `AliasClasses.redundant`.
     """
     i, j, sign = relations[index]
     if i == j and sign == 1:
@@ -133,7 +134,7 @@ def cycle(relations: Sequence[Relation], index: int) -> tuple[int, ...]:
             neighbours.setdefault(b, []).append((a, s, k))
     path = _signed_path(neighbours, i, j, sign)
     if path is None:
-        # Both sides are zero for reasons of their own: v[i] = -v[i] and v[j] = -v[j].
+        # Each side is zero by itself: v[i] = -v[i] and v[j] = -v[j].
         left, right = _signed_path(neighbours, i, i, -1), _signed_path(neighbours, j, j, -1)
         if left is None or right is None:
             raise InternalError("AC904", f"alias relation {index} does not follow from the others")

@@ -29,17 +29,17 @@ class Block:
 def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
     """Irreducible blocks in an order in which they can be solved one after the other.
 
-    Of all such orders the one that takes, at each step, the solvable block with the smallest row: it follows the order
-    of the source as far as possible and does not change with the version of SciPy.
+    Of all such orders this is the one that takes, at each step, the solvable block with the smallest row. It follows
+    the order of the source as far as possible and does not depend on the version of SciPy.
 
     Parameters
     ----------
     incidence
-        The graph. A column no row is matched to counts as known.
+        The graph. A column that is not matched with a row counts as known.
     row_to_column
         Shape (n_rows,): a matching of every row, see `matching.match`.
 
-    Raises InternalError (AC902) when a row is unmatched: such systems go to `diagnose`, not here.
+    Raises InternalError (AC902) if a row is unmatched: such systems belong to `diagnose`.
 
     Source: strong components are Tarjan's, see `strong_components`; Kahn, "Topological sorting of large
     networks", CACM 5 (1962), for the order.
@@ -69,7 +69,7 @@ def blocks(incidence: Incidence, row_to_column: IntArray) -> tuple[Block, ...]:
 
 def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
     """Strong component of each row, numbered by the smallest row in it."""
-    # SciPy's labels are in topological order today, which it does not promise: use the partition only.
+    # SciPy's labels happen to be in topological order, which it does not guarantee: use the partition only.
     labels = strong_components(user, needed, n_rows)
     _, first, compact = np.unique(labels, return_index=True, return_inverse=True)
     number = np.empty(len(first), dtype=np.int64)
@@ -78,7 +78,7 @@ def _components(user: IntArray, needed: IntArray, n_rows: int) -> IntArray:
 
 
 def in_topological_order(before: IntArray, after: IntArray, count: int) -> list[int]:
-    """Topological order of the components 0 .. count - 1, the smallest number first where there is a choice.
+    """Topological order of the components 0 .. count - 1; where there is a choice, the smallest number comes first.
 
     Parameters
     ----------
@@ -103,19 +103,19 @@ def in_topological_order(before: IntArray, after: IntArray, count: int) -> list[
     return order
 
 
-_SMALL = 2000
-"""Up to this many nodes SciPy is not imported: the import takes a quarter of a second, `_tarjan` some milliseconds."""
+_MOST_WITHOUT_SCIPY = 2000
+"""Up to this many nodes SciPy is not imported: the import takes a quarter of a second, `_tarjan` a few milliseconds."""
 
 
 def strong_components(source: IntArray, target: IntArray, n: int) -> IntArray:
     """Label of the strong component of each of `n` nodes, shape (n,); labels are arbitrary.
 
-    `source`, `target`: shape (n_edges,), the ends of the edges source[k] -> target[k].
+    `source` and `target`, of shape (n_edges,), are the ends of the edges source[k] -> target[k].
 
     Source: Tarjan, "Depth-first search and linear graph algorithms", SIAM J. Comput. 1 (1972); for large graphs SciPy's
     implementation.
     """
-    if n > _SMALL:
+    if n > _MOST_WITHOUT_SCIPY:
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import connected_components
 
@@ -165,14 +165,14 @@ def _tarjan(successors: list[list[int]]) -> list[int]:
 
 
 def levels(source: IntArray, target: IntArray, late: Sequence[bool]) -> IntArray:
-    """Level of each node: at least that of the nodes it depends on, and above that of the late ones among them.
+    """Level of each node: at least that of the nodes on which it depends, and above that of the `late` ones among them.
 
     Parameters
     ----------
     source, target
         Shape (n_edges,): `target[k]` depends on `source[k]`.
     late
-        Shape (n,): whether dependents of a node must wait until it is known.
+        Shape (n,): whether dependents of a node must be on a higher level.
 
     Returns
     -------
@@ -188,11 +188,11 @@ def levels(source: IntArray, target: IntArray, late: Sequence[bool]) -> IntArray
     count = int(component.max()) + 1
     step = np.asarray(late, dtype=np.int64)[source]
     followers: list[list[tuple[int, int]]] = [[] for _ in range(count)]
-    for a, b, wait in zip(component[source].tolist(), component[target].tolist(), step.tolist(), strict=True):
+    for a, b, step_to in zip(component[source].tolist(), component[target].tolist(), step.tolist(), strict=True):
         if a != b:
-            followers[a].append((b, wait))
+            followers[a].append((b, step_to))
     level = [0] * count
     for a in in_topological_order(component[source], component[target], count):
-        for b, wait in followers[a]:
-            level[b] = max(level[b], level[a] + wait)
+        for b, step_to in followers[a]:
+            level[b] = max(level[b], level[a] + step_to)
     return np.array(level, dtype=np.int64)[component]

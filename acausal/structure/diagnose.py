@@ -24,13 +24,13 @@ class DulmageMendelsohn:
     """Coarse Dulmage-Mendelsohn parts; all tuples ascending.
 
     over
-        More rows than columns; these rows contain no other columns. Every one of the rows could be the surplus one.
+        More rows than columns; these rows contain no other columns. Any of the rows may be the surplus one.
     square
         As many rows as columns; the rows contain no column of the under-determined part.
     under
-        More columns than rows; these columns occur in no other row. Every one of the columns could be the free one.
+        More columns than rows; these columns occur in no other row. Any of the columns may be the free one.
 
-    The parts do not depend on which maximum matching they were computed from.
+    The parts do not depend on the maximum matching from which they are computed.
     """
 
     over_rows: tuple[int, ...]
@@ -85,15 +85,15 @@ def minimal_over(incidence: Incidence, unmatched_row: int, row_to_column: IntArr
 
     `row_to_column`: shape (n_rows,), a maximum matching.
 
-    Minimal by inclusion: without any one of its rows, the others can all be matched, so the surplus equation is one of
-    these and no row can be left out of the evidence. (In matroid terms: the fundamental circuit of `unmatched_row`
-    over the matched rows.) With a single unmatched row it is the only such subset of the system; with several,
-    another maximum matching may give another, possibly smaller, circuit through the same row.
+    Minimal by inclusion: if any one of its rows is removed, all others can be matched. The surplus equation is
+    therefore one of these rows, and all of them are needed as evidence. (In matroid terms: the fundamental circuit of
+    `unmatched_row` over the matched rows.) With a single unmatched row it is the only such subset of the system; with
+    several, another maximum matching may give another, possibly smaller, circuit through the same row.
 
     Raises InternalError (AC903) when the row is matched or the matching is not maximum.
     """
     if row_to_column[unmatched_row] >= 0:
-        raise InternalError("AC903", f"row {unmatched_row} is matched: it is no evidence of over-determination")
+        raise InternalError("AC903", f"row {unmatched_row} is matched: it does not prove over-determination")
     return _alternating(incidence, [unmatched_row], inverse(row_to_column, incidence.n_columns))
 
 
@@ -102,14 +102,14 @@ def minimal_under(incidence: Incidence, unmatched_column: int, row_to_column: In
 
     `row_to_column`: shape (n_rows,), a maximum matching.
 
-    Minimal by inclusion among sets of columns: once any one of the columns is given a value, the rows determine the
-    others, so the missing equation concerns one of these unknowns and no column can be left out. The rows may contain
-    further columns, which other rows determine. As for `minimal_over`, unique with a single unmatched column.
+    Minimal by inclusion among sets of columns: once any one of the columns is known, the rows determine the others.
+    The missing equation therefore concerns one of these unknowns, and no column can be left out. The rows may contain
+    further columns, which other rows determine. As for `minimal_over`, it is unique with a single unmatched column.
 
     Raises InternalError (AC903) when the column is matched or the matching is not maximum.
     """
     if np.any(row_to_column == unmatched_column):
-        raise InternalError("AC903", f"column {unmatched_column} is matched: it is no evidence of under-determination")
+        raise InternalError("AC903", f"column {unmatched_column} is matched: it does not prove under-determination")
     columns, rows = _alternating(incidence.transpose(), [unmatched_column], row_to_column)
     return Subset(rows, columns)
 

@@ -21,17 +21,16 @@ from acausal.structure.blt import Block
 Samples = NDArray[np.float64]
 Rows = Callable[[Sequence[int], Sequence[int]], list[dict[int, Samples]]]
 
-_SAFE = 0.02  # smallest over largest size of a varying pivot; 1 + 0.9 cos(q) is still above it
+_SAFE = 0.02  # least ratio of the smallest to the largest size of a varying pivot; 1 + 0.9 cos(q) is still above it
 
 
 @dataclass(frozen=True)
 class Choice:
     """Dummy derivatives selected at one level of differentiation of one block.
 
-    `dummies` of the `candidates` become algebraic, determined by as many of the `equations`; `floating` equations
-    have no
-    safe pivot, so their variables all stay states; `deficient` equations depend linearly on the others. `varies`: some
-    pivots are not constant, so the selection is safe for the sampled parameter values only.
+    `dummies` of the `candidates` become algebraic, determined by as many of the `equations`. `floating` equations have
+    no safe pivot, so that all their variables remain states; `deficient` equations depend linearly on the others. If
+    `varies`, some pivots are not constant, and the selection is safe for the sampled parameter values only.
     """
 
     equations: tuple[int, ...]
@@ -53,13 +52,10 @@ def select_dummies(
 ) -> list[Choice]:
     """Dummy derivatives of every block, from the highest level of differentiation down.
 
-    The rank is that of the Jacobian of the *integrals* of the equations with respect to the integrals of the
-    candidates.
-    For equations differentiated by the chain rule this equals the Jacobian with respect to the candidates
-    themselves. Where
-    a known rate replaced the chain rule (an angular velocity for the derivative of a rotation matrix) only the
-    former is
-    right.
+    The pivots are those of the Jacobian of the *integrals* of the equations with respect to the integrals of the
+    candidates. For equations differentiated by the chain rule this equals the Jacobian with respect to the candidates
+    themselves. Where a known rate replaces the chain rule (an angular velocity for the derivative of a rotation matrix)
+    only the former is right.
 
     Parameters
     ----------
@@ -71,12 +67,13 @@ def select_dummies(
         `rows(equations, variables)`: sparse rows of the Jacobian, values of shape (K,) at K sample points; the first
         point is the start, the second one decides about rank.
     preference
-        Of the *integral* of a candidate: the higher, the rather it stays a state.
+        Rank of the *integral* of a candidate as a state: those with the highest rank remain states.
     hidden
-        Of a differentiated equation: derivatives of variables of its integral that do not occur in it, because a known
-        rate replaced the chain rule (a joint's speed or a quaternion's rate behind an angular velocity).
+        For a differentiated equation, derivatives of variables of its integral that do not occur in it, because a known
+        rate replaced the chain rule (the speed of a joint, or the rate of a quaternion, instead of an angular
+        velocity).
     near
-        Of the *integral* of a candidate: the number of points, from the first, at which its pivots must be safe; None
+        For the *integral* of a candidate, the number of points, from the first, at which its pivots must be safe; None
         for all.
     """
     choices: list[Choice] = []
@@ -87,30 +84,30 @@ def select_dummies(
     differentiated = set(variable_integral.values())
     while any(group.equations for group in level):
         level = _merge_groups(level, equation_integral, differentiated, hidden)
-        below = []
+        next_level = []
         for group in level:
             candidates = group.candidates
             if group.equations:
-                below_of = {variable_integral[v]: v for v in candidates}
-                jacobian = rows([equation_integral[e] for e in group.equations], list(below_of))
-                choice = _Elimination(jacobian, preference, near).choose(group.equations, below_of)
+                derivative_of_integral = {variable_integral[v]: v for v in candidates}
+                jacobian = rows([equation_integral[e] for e in group.equations], list(derivative_of_integral))
+                choice = _Elimination(jacobian, preference, near).choose(group.equations, derivative_of_integral)
                 choices.append(choice)
                 unsolved = {*choice.floating, *choice.deficient}
                 equations = [equation_integral[e] for e in group.equations if e not in unsolved]
                 candidates = [variable_integral[v] for v in choice.dummies]
-                below.append(
+                next_level.append(
                     _Group(
                         [e for e in equations if e in equation_integral],
                         [v for v in candidates if v in variable_integral],
                     )
                 )
-        level = below
+        level = next_level
     return choices
 
 
 @dataclass
 class _Group:
-    """Equations and candidates of one level among which the selection is made together."""
+    """Equations and candidates of one level that are treated together."""
 
     equations: list[int]
     candidates: list[int]
@@ -122,36 +119,35 @@ def _merge_groups(
     differentiated: set[int],
     hidden: Callable[[int], Iterable[int]],
 ) -> list[_Group]:
-    """Merge groups where a constraint, through a known rate, depends on a candidate of another group.
+    """Merge groups if a constraint, through a known rate, depends on a candidate of another group.
 
-    A hidden derivative that is never differentiated itself becomes a candidate here: the rate of a coordinate whose own
-    equation is not a constraint.
+    A hidden derivative that is never differentiated itself becomes a candidate, for instance the rate of a coordinate
+    whose own equation is not a constraint.
     """
     owner = {v: group for group in groups for v in group.candidates}
     for group in list(groups):
         for e in list(group.equations):
             if equation_integral[e] in equation_integral:
-                continue  # not yet at the constraint itself
+                continue  # the level of the constraint itself is not yet reached
             for v in hidden(e):
                 other = owner.get(v)
                 if other is None and v not in differentiated:
                     group.candidates.append(v)
                     owner[v] = group
                 elif other is not None and other is not group:
-                    small, group = sorted((group, other), key=lambda g: len(g.candidates))
-                    group.equations += small.equations
-                    group.candidates += small.candidates
-                    owner.update(dict.fromkeys(small.candidates, group))
-                    small.equations, small.candidates = [], []
+                    smaller, group = sorted((group, other), key=lambda g: len(g.candidates))
+                    group.equations += smaller.equations
+                    group.candidates += smaller.candidates
+                    owner.update(dict.fromkeys(smaller.candidates, group))
+                    smaller.equations, smaller.candidates = [], []
     return groups
 
 
 def _size(row: Mapping[int, Samples]) -> Samples:
     """Largest entry of a row at each sample point, shape (K,).
 
-    Not the largest over all points: with exponentials one row differs by 30 orders of magnitude between two points.
-    Where a
-    row vanishes at the start only, its median size replaces zero.
+    Not the largest over all points, because with exponentials a row may differ by 30 orders of magnitude between two
+    points. If a row vanishes at the start only, 1e-12 of its median size replaces zero.
     """
     if not row:
         return np.ones(2)
@@ -182,15 +178,15 @@ class _Elimination:
                 self._offer(i, v)
 
     def _rank(self, i: int, v: int) -> int | None:
-        """0 for a constant pivot, 1 for one that varies but keeps its sign and size, None for an unsafe one."""
+        """0 for a constant pivot, 1 for one that varies but keeps its sign and magnitude, None for an unsafe one."""
         pivot = self.rows[i][v][: self.near(v)]
         is_finite = np.isfinite(pivot)
-        share = np.abs(pivot[is_finite]) / self.size[i][: len(pivot)][is_finite]
+        relative = np.abs(pivot[is_finite]) / self.size[i][: len(pivot)][is_finite]
         pivot = pivot[is_finite]
         if not len(pivot):
             return None
         low, high = np.abs(pivot).min(), np.abs(pivot).max()
-        if share.max() <= 1e-9 or not ((pivot > 0).all() or (pivot < 0).all()):
+        if relative.max() <= 1e-9 or not ((pivot > 0).all() or (pivot < 0).all()):
             return None
         if high - low <= 1e-9 * high:
             return 0
@@ -204,7 +200,7 @@ class _Elimination:
             heapq.heappush(self.heap, (self.preference(v), rank, cost - min(largest, 1.0), i, v))
 
     def choose(self, equations: Sequence[int], candidates: Mapping[int, int]) -> Choice:
-        """Take safe pivots while there are any; `candidates` maps each column to the variable reported."""
+        """Use safe pivots as long as there are any; `candidates` maps each column to the variable that is returned."""
         active = set(range(len(self.rows)))
         dummies: list[int] = []
         varies = False
@@ -216,13 +212,13 @@ class _Elimination:
             varies = varies or rank == 1
             dummies.append(candidates[v])
             self._eliminate(i, v)
-        left = sorted(active)
-        deficient = self._dependent(left)
+        remaining = sorted(active)
+        deficient = self._dependent(remaining)
         return Choice(
             tuple(equations),
             tuple(candidates.values()),
             tuple(dummies),
-            tuple(equations[i] for i in left if i not in deficient),
+            tuple(equations[i] for i in remaining if i not in deficient),
             tuple(equations[i] for i in deficient),
             varies,
         )
@@ -248,16 +244,16 @@ class _Elimination:
             for w in other:
                 self._offer(j, w)
 
-    def _dependent(self, left: Sequence[int]) -> list[int]:
+    def _dependent(self, remaining: Sequence[int]) -> list[int]:
         """Remaining rows that depend linearly on the others: Gram-Schmidt at the second sample point."""
-        columns = sorted({v for i in left for v in self.rows[i]})
-        place = {v: k for k, v in enumerate(columns)}
+        columns = sorted({v for i in remaining for v in self.rows[i]})
+        column_of = {v: k for k, v in enumerate(columns)}
         basis: list[NDArray[np.float64]] = []
         dependent = []
-        for i in left:
+        for i in remaining:
             row = np.zeros(len(columns))
             for v, a in self.rows[i].items():
-                row[place[v]] = a[1]
+                row[column_of[v]] = a[1]
             residual = np.nan_to_num(row) / self.size[i][1]
             for q in basis:
                 residual = residual - q * (q @ residual)

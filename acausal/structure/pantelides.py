@@ -1,9 +1,9 @@
 """Index reduction: which equations must be differentiated, and how often.
 
 Source: C. C. Pantelides, The consistent initialization of differential-algebraic systems, SIAM J. Sci. Stat. Comput.
-9 (1988) 213-231, algorithms 3.1 and 3.2. Started from a maximum matching, so that the search runs only for the
-equations that cannot be matched at once. Terminates when the graph in which a variable and its derivatives count as
-one has a perfect matching (theorem 5.1 there): the caller checks that first.
+9 (1988) 213-231, algorithms 3.1 and 3.2. It starts from a maximum matching, so that the search is needed only for the
+equations that this leaves unmatched. It terminates if the graph in which a variable and its derivatives are one node
+has a perfect matching (theorem 5.1 there); the caller checks that first.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from acausal.structure.matching import match
 
 
 class Differentiable(Protocol):
-    """What the algorithm needs of the equations."""
+    """Operations on the equations that the algorithm needs."""
 
     @property
     def derivative_of(self) -> Mapping[int, int]:
-        """The variable that is the derivative of another, for those that have one so far."""
+        """Maps variables to their derivatives, for those that have one so far."""
         ...
 
     def n_variables(self) -> int:
@@ -32,11 +32,11 @@ class Differentiable(Protocol):
         ...
 
     def differentiate_variable(self, variable: int) -> int:
-        """Create the derivative of a variable; returns its number."""
+        """Create the derivative of a variable; return its number."""
         ...
 
     def differentiate_equation(self, equation: int) -> int:
-        """Append the derivative of an equation; returns its number. The derivatives of its variables exist already."""
+        """Append the derivative of an equation, whose variables already have derivatives; return its number."""
         ...
 
 
@@ -93,7 +93,7 @@ def _augment(
 
 
 def _flip(assigned: dict[int, int], came_from: dict[int, int], variable: int, root: int) -> None:
-    """Exchange matched and unmatched edges along the path found, from `variable` back to `root`."""
+    """Exchange matched and unmatched edges along the augmenting path, from `variable` back to `root`."""
     previous = {assigned[v]: v for v in came_from if v in assigned}
     while True:
         equation = came_from[variable]
@@ -112,7 +112,7 @@ def _differentiate(
     variables: list[int],
     current: int,
 ) -> int:
-    """Differentiate the coloured equations and variables; returns the derivative of the `current` equation."""
+    """Differentiate the coloured equations and variables; return the derivative of the `current` equation."""
     derivative_of = {v: system.differentiate_variable(v) for v in variables}
     for e in equations:
         new = system.differentiate_equation(e)

@@ -1,4 +1,4 @@
-"""Tearing: a block of n equations as a short explicit sequence around a few iterated unknowns."""
+"""Tearing: evaluation of a block of n equations as an explicit sequence around a few iterated unknowns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from acausal.errors import InternalError
 from acausal.structure.graph import Incidence
 
-# Number of the best columns whose consequences are propagated to the end before one of them is torn.
+# Number of the best columns for which all consequences are propagated before one of them is torn.
 _CANDIDATES = 32
 
 
@@ -19,10 +19,9 @@ _CANDIDATES = 32
 class Tearing:
     """How to evaluate a block: guess the torn columns, evaluate the sequence, then the residual rows."""
 
-    torn: tuple[int, ...]  # columns iterated upon, in the order they were chosen
-    residual: tuple[int, ...]  # rows left over for the iteration, ascending; as many as `torn`
-    # Pairs (row, column): solve the row for the column, one after the other. Apart from its own column a row contains
-    # only torn columns and columns solved before it.
+    torn: tuple[int, ...]  # iterated columns, in the order in which they were chosen
+    residual: tuple[int, ...]  # rows that the iteration must satisfy, ascending; as many as `torn`
+    # Pairs (row, column): solve each row for its column, in this order. Its other columns are torn, or solved before.
     sequence: tuple[tuple[int, int], ...]
 
 
@@ -42,18 +41,18 @@ def tear(
     is not used. On 19 circuits, linkages and random blocks this never tore more than the original order of criteria,
     and a tenth of it (one per joint) in a linkage where not every pair is solvable. Near-linear in the entries.
 
-    The fewest torn columns are not the best conditioned choice: a long ladder torn once is solved by shooting from one
-    end. Large linear blocks belong to a sparse elimination.
+    The choice with the fewest torn columns is not the best conditioned one: a long ladder that is torn once is solved
+    by shooting from one end. Large linear blocks are better solved by sparse elimination.
 
     Parameters
     ----------
     incidence
-        The block; strongly connected for a sensible result, though any square graph is torn validly.
+        The block. It should be strongly connected for a good result, but the result is valid for any square graph.
     solvable
-        Which (row, column) pairs may be solved explicitly, as a set or a predicate; asked once per entry.
+        Which (row, column) pairs may be solved explicitly, as a set, or a predicate that is called once per entry.
     weight
-        Shape (n,): preference of a column to be torn. 1 counts as much as one row made causal by tearing it, a
-        fraction only decides between equals; none given means all 0.
+        Shape (n,): preference of a column to be torn. 1 counts as much as one row that becomes causal, a fraction
+        decides only between equals; the default is 0 for all.
 
     Raises InternalError (AC905) when the block is not square.
 
@@ -82,9 +81,9 @@ def tear(
 
 
 class _Remainder:
-    """Rows and columns not yet assigned, with the counts that tell which choices are forced.
+    """Rows and columns that are not yet assigned, with counts that show which choices are forced.
 
-    Internal to `tear` and mutable, because every step changes a few counts of large lists.
+    Mutable, because every step changes a few counts in large lists; used only by `tear`.
     """
 
     def __init__(
@@ -100,14 +99,14 @@ class _Remainder:
         self.solvable = {(r, c) for r, columns in enumerate(self.columns_of) for c in columns if allowed(r, c)}
         self.row_open = [True] * n
         self.column_open = [True] * n
-        # A count of one leaves the sum as the one index that remains: no search for it.
+        # If the count is one, the sum is the one index that remains, so that it need not be searched.
         self.row_count = [len(columns) for columns in self.columns_of]
         self.row_sum = [sum(columns) for columns in self.columns_of]
         self.column_count = [len(rows) for rows in self.rows_of]
         self.column_sum = [sum(rows) for rows in self.rows_of]
         self.forward = deque(r for r in range(n) if self.row_count[r] == 1)
         self.backward = deque(c for c in range(n) if self.column_count[c] == 1)
-        # Partners left that a row can be solved for, and rows left that can be solved for a column.
+        # Number of open columns for which a row can be solved, and of open rows that can be solved for a column.
         self.row_choices = [0] * n
         self.column_choices = [0] * n
         for row, column in self.solvable:
@@ -115,7 +114,7 @@ class _Remainder:
             self.column_choices[column] += 1
         self.unsolvable = deque(c for c in range(n) if self.column_choices[c] == 0)
         self.weight = weight
-        # gain[c]: rows that contain c and one other open column, and can be solved for that one.
+        # gain[c]: number of rows that contain c and one other open column, for which they can be solved.
         self.gain = [0] * n
         self.heap: list[tuple[float, int, int]] = []
         for row in range(n):
@@ -128,7 +127,7 @@ class _Remainder:
                 self._close_row(row)
 
     def next_forward(self) -> tuple[int, int] | None:
-        """Assign a row in which one column is left."""
+        """Assign a row to the only column that is left in it; None if there is no such row."""
         while self.forward:
             row = self.forward.popleft()
             pair = (row, self.row_sum[row])
@@ -138,7 +137,7 @@ class _Remainder:
         return None
 
     def next_backward(self) -> tuple[int, int] | None:
-        """Assign a column that is left in one row only; that row can wait until all else is known."""
+        """Assign a column to the only row that contains it, which can be solved after all others; None without one."""
         while self.backward:
             column = self.backward.popleft()
             pair = (self.column_sum[column], column)
@@ -148,7 +147,7 @@ class _Remainder:
         return None
 
     def next_torn(self) -> int | None:
-        """Declare an open column known; None when no column is left."""
+        """Choose an open column to be torn, which is known from then on; None if no column is left."""
         while self.unsolvable:
             column = self.unsolvable.popleft()
             if self.column_open[column]:
@@ -160,11 +159,11 @@ class _Remainder:
             column = entry[2]
             if not self.column_open[column] or (candidates and entry == candidates[-1]):
                 continue
-            # Entries are pushed when a column gets better; one that got worse since is put back in its place.
-            if entry == (now := self._priority(column)):
+            # An entry is pushed whenever a column improves; an entry of a column that has since got worse is replaced.
+            if entry == (current_entry := self._priority(column)):
                 candidates.append(entry)
             else:
-                heapq.heappush(self.heap, now)
+                heapq.heappush(self.heap, current_entry)
         if not candidates:
             return None
         best = min(candidates, key=lambda entry: (-self._consequences(entry[2]) - self.weight[entry[2]], *entry))
@@ -175,7 +174,7 @@ class _Remainder:
         return best[2]
 
     def _consequences(self, column: int) -> int:
-        """Number of rows that become causal one after the other once the column is known; changes nothing."""
+        """Number of rows that would become causal one after the other if the column were known."""
         if self.gain[column] == 0:
             return 0
         count: dict[int, int] = {}

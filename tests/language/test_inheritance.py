@@ -140,7 +140,7 @@ def test_a_structural_value_that_build_overrules_is_refused() -> None:
             yield self.x == float(self.n)
 
     assert Sized().n == Sized(n=3).n == 3
-    with pytest.raises(DeclarationError, match=r"AC118.*'n' to 3, and 5 is given"):
+    with pytest.raises(DeclarationError, match=r"AC118.*'n' to 3, but the constructor is given 5"):
         Sized(n=5)
 
 

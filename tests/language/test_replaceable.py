@@ -74,9 +74,7 @@ def test_a_part_of_another_class_names_the_class_that_both_have() -> None:
     class Rigid(Component):
         load: Spring = Spring(c=1.0)
 
-    with pytest.raises(
-        DeclarationError, match="declare it in Rigid as what both are: load: PartialTwoFlanges"
-    ) as caught:
+    with pytest.raises(DeclarationError, match="declare it in Rigid as their base: load: PartialTwoFlanges") as caught:
 
         class Soft(Rigid):
             load: SpringDamper = SpringDamper(c=1.0, d=1.0)  # type: ignore[assignment]

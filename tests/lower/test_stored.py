@@ -24,7 +24,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder of its own, in which every model is kept, however small."""
     monkeypatch.setenv("ACAUSAL_CACHE", str(tmp_path))
-    for name in ("_WORTH", "_LEAST_NODES", "_LONG"):
+    for name in ("_LEAST_SECONDS", "_LEAST_NODES", "_LEAST_NODES_PER_EQUATION"):
         monkeypatch.setattr(stored, name, 0)
     cache.forget()
     yield tmp_path / "models"

@@ -53,7 +53,7 @@ class Decay(Component):
 error[AC109]: Typed defines __init__
   at      test_class_bodies.py:N
               def __init__(self, rate: float) -> None:
-  cause   fields are given to the constructor by name; it is made by acausal
+  cause   acausal makes the constructor, which takes the fields by name
   help    declare the arguments as parameter(...) or structural(...), and make parts in `build`
 """,
 )

@@ -47,7 +47,7 @@ error[AC120]: cannot connect left.flange_a (Flange) and ground.p (Pin)
   at      test_connection_messages.py:N
               yield join(self.left.flange_a, self.ground.p)
   cause   a connection joins connectors of one type
-  help    look for a component that has both connectors and put it between
+  help    put a component that has both connectors between them
 """,
 )
 class DifferentConnectors(Two):

@@ -183,5 +183,5 @@ def test_a_list_of_parts_can_grow_in_build() -> None:
 def test_a_part_that_build_reads_too_early_is_no_matter_of_defaults() -> None:
     with pytest.raises(AcausalError) as caught:
         part_that_build_reads_too_early()
-    assert "`build` reads it before it makes it" in str(caught.value)
+    assert "`build` reads the part before the line that makes it" in str(caught.value)
     assert "defaults" not in str(caught.value)

@@ -275,7 +275,7 @@ def asked() -> None:
     Asking()
 
 
-@slip("AC129", "Singular.equation is called by nobody: the method is `equations`", "def equation(self)")
+@slip("AC129", "Singular.equation is never called: the method is `equations`", "def equation(self)")
 class Singular(Component):
     x: Real = variable()
 
@@ -283,7 +283,7 @@ class Singular(Component):
         yield self.x == 1.0
 
 
-@slip("AC129", "Lost.initial_equation is called by nobody: the method is `initial_equations`", "def initial_equation(")
+@slip("AC129", "Lost.initial_equation is never called: the method is `initial_equations`", "def initial_equation(")
 class Lost(Component):
     """It compiled, and started from somewhere else."""
 

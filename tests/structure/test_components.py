@@ -34,7 +34,7 @@ def parts(edges: Edges, n: int) -> list[list[int]]:
 @pytest.mark.parametrize(("edges", "n", "expected"), TABLE)
 def test_table(edges: Edges, n: int, expected: list[list[int]], small: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """By our own algorithm, and by SciPy's."""
-    monkeypatch.setattr(blt, "_SMALL", small)
+    monkeypatch.setattr(blt, "_MOST_WITHOUT_SCIPY", small)
     assert parts(edges, n) == (expected if n else [])
 
 

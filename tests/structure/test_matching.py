@@ -42,7 +42,7 @@ def test_two_sources_at_one_node_leave_one_row() -> None:
 def test_size_is_the_generic_rank(small: int, graph: Incidence) -> None:
     """By our own augmenting paths, and by SciPy's algorithm."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(matching, "_SMALL", small)
+        patch.setattr(matching, "_MOST_WITHOUT_SCIPY", small)
         columns = match(graph)
     assert columns.shape == (graph.n_rows,)
     pairs = [(r, c) for r, c in enumerate(columns.tolist()) if c >= 0]

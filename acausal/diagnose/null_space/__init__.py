@@ -1,1 +1,1 @@
-"""What the numbers of a singular system leave open, and what they state twice."""
+"""Diagnosis by the null vectors of a singular system: unknowns that are free, and equations that are dependent."""

@@ -1,4 +1,4 @@
-"""Equations in whose combination the unknowns cancel, and unknowns that are left open by it."""
+"""Combinations of equations in which the unknowns cancel, and the unknowns that they leave undetermined."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from acausal.errors import StructureError
 from acausal.flatten.flat import FlatEquation, FlatSystem
 
 _MOST_PARAMETERS = 40
-_LARGEST = 800
+_MOST_SCALARS = 800
 
 
 def special_values(numbers: Pencil) -> StructureError | None:
-    """AC204 when equations depend on each other only because of the values that some parameters were given."""
+    """AC204 if equations depend on each other only because of values that were given to some parameters."""
     return _special_values(numbers, _at_default(numbers.flat))
 
 
 def special_defaults(numbers: Pencil) -> StructureError | None:
-    """The same for values that nobody has given: an effect that is off by default explains less than all else."""
+    """Like `special_values` for default values, such as an effect that is off by default: less plausible causes."""
     return _special_values(numbers, set())
 
 
 def _at_default(flat: FlatSystem) -> set[int]:
-    """Free parameters that have the number declared for them."""
+    """Free parameters that have their declared default."""
     found = set()
     for p in flat.parameters:
         default = p.declaration.default
@@ -48,25 +48,25 @@ def _at_default(flat: FlatSystem) -> set[int]:
     return found
 
 
-def _special_values(numbers: Pencil, innocent: set[int]) -> StructureError | None:
+def _special_values(numbers: Pencil, excluded: set[int]) -> StructureError | None:
     flat = numbers.flat
     for y in numbers.dependent():
         if len(y) > 200:
             continue
-        guilty = [k for k in _decisive_parameters(flat, sorted(y)) if _cures(numbers, k)]
-        if not innocent.issuperset(guilty):
-            shown = [f"{flat.parameter_names[k]} = {flat.parameter_values[k]:g}" for k in guilty]
+        decisive = [k for k in _decisive_parameters(flat, sorted(y)) if _cures(numbers, k)]
+        if not excluded.issuperset(decisive):
+            shown = [f"{flat.parameter_names[k]} = {flat.parameter_values[k]:g}" for k in decisive]
             error = combined(numbers, y)
             error.fact = f"{error.fact} for {listed(shown, 4)}"
             error.cause = "with other values of these parameters the equations would determine their unknowns"
-            names = listed((flat.parameter_names[k] for k in guilty), 4)
-            error.help = f"change {names}, or model what is idealised away"
+            names = listed((flat.parameter_names[k] for k in decisive), 4)
+            error.help = f"change {names}, or model the effect that this value neglects"
             return error
     return None
 
 
 def _decisive_parameters(flat: FlatSystem, rows: Sequence[int]) -> list[int]:
-    """Free parameters any one of which, changed alone, makes the rows independent."""
+    """Free parameters of which each, if changed alone, makes the rows independent."""
     equations = [flat.equations[i] for i in rows]
     nodes = flat.pool.reachable([n for e in equations for n in (e.left, e.right)])
     parameters = [flat.pool.nodes[n][1] for n in nodes if flat.pool.nodes[n][0] == "par"]
@@ -83,9 +83,9 @@ def _decisive_parameters(flat: FlatSystem, rows: Sequence[int]) -> list[int]:
 
 
 def _cures(numbers: Pencil, parameter: int) -> bool:
-    """True when another value of the parameter leaves fewer dependent combinations in the whole system."""
+    """True if another value of the parameter reduces the number of dependent combinations in the whole system."""
     flat = numbers.flat
-    if flat.n_scalars > _LARGEST:
+    if flat.n_scalars > _MOST_SCALARS:
         return True
     matrix = pencil_rows(flat, range(len(flat.equations)), _changed(flat, parameter))
     return len(null_vectors(matrix)[0]) < len(numbers.dependent())
@@ -98,7 +98,7 @@ def _changed(flat: FlatSystem, parameter: int) -> list[float]:
 
 
 def open_motion(numbers: Pencil) -> StructureError | None:
-    """AC201 when a free direction moves a variable beside which its author has written what it needs."""
+    """AC201 if a variable whose declaration has a hint can move freely."""
     flat = numbers.flat
     for d in numbers.free():
         hinted = [k for k in d if flat.owner[k].declaration.hint and connector_of(flat, flat.owner[k].path) is None]
@@ -108,10 +108,13 @@ def open_motion(numbers: Pencil) -> StructureError | None:
         first = flat.owner[hinted[0]]
         path = first.path.rpartition(".")[0]
         cause, advice = hint([first.declaration])
-        twice = [y for y in numbers.dependent() if touch(flat, y, d)]
+        dependent_rows = [y for y in numbers.dependent() if touch(flat, y, d)]
         evidence = [f"free with it: {listed([n for n in names_of(flat, hinted) if n != first.path], 4)}"]
-        for y in twice[:1]:
-            evidence += ["because these do not hold it:", *lines(flat, [flat.equations[i] for i in sorted(y)], 4)]
+        for y in dependent_rows[:1]:
+            evidence += [
+                "because these do not determine it:",
+                *lines(flat, [flat.equations[i] for i in sorted(y)], 4),
+            ]
         ends = _loose_frames(flat, path)
         if ends:
             cause = f"{listed(ends)} is not connected, so it carries neither force nor torque"
@@ -123,13 +126,13 @@ def open_motion(numbers: Pencil) -> StructureError | None:
             where=made_at(flat, path),
             evidence=evidence,
             cause=cause,
-            help=advice or f"connect {label(flat, path)} to what determines it",
+            help=advice or f"connect {label(flat, path)} to a component that determines it",
         )
     return None
 
 
 def _loose_frames(flat: FlatSystem, path: str) -> list[str]:
-    """Overconstrained connectors of a component that nothing is connected to."""
+    """Overconstrained connectors of a component to which nothing is connected."""
     frames = [
         name
         for name, c in flat.components.items()
@@ -141,14 +144,14 @@ def _loose_frames(flat: FlatSystem, path: str) -> list[str]:
 
 
 def dependent_equations(numbers: Pencil) -> StructureError | None:
-    """AC204 when the unknowns cancel in a combination of equations, though every one could be matched."""
+    """AC204 if the unknowns cancel in a combination of equations, although all could be matched."""
     for y in numbers.dependent():
         return combined(numbers, y)
     return None
 
 
 def empty_equation(numbers: Pencil) -> StructureError | None:
-    """AC204 when a single equation holds no unknown."""
+    """AC204 if a single equation contains no unknown."""
     for y in numbers.dependent():
         if len(y) == 1:
             return combined(numbers, y)
@@ -164,19 +167,19 @@ def combined(numbers: Pencil, y: Vector) -> StructureError:
         return _empty(flat, equations[0])
     free = [k for d in numbers.free() if touch(flat, y, d) for k in d]
     open_names = names_of(flat, free)
-    rest = demand(numbers, y)
+    remainder = demand(numbers, y)
     verb = "depend on each other"
-    if rest is not None:
-        verb = "contradict each other" if abs(rest) > 1e-9 else "say the same twice"
+    if remainder is not None:
+        verb = "contradict each other" if abs(remainder) > 1e-9 else "say the same twice"
     cause, advice = hint(flat.declaration(k) for k in free)
     return StructureError(
         "AC204",
         f"{equations_of(flat, [e.component for e in stated])} {verb}",
         where=places(flat, stated),
         evidence=["their unknowns cancel:", *lines(flat, equations, 8), verdict(numbers, y)]
-        + ([f"and leave open: {listed(open_names, 4)}"] if open_names else []),
-        cause=cause or "two equations state the same about these unknowns, perhaps with different numbers",
-        help=advice or "replace one of these equations by one that fixes what is left open",
+        + ([f"and leave undetermined: {listed(open_names, 4)}"] if open_names else []),
+        cause=cause or "two equations state the same about these unknowns, possibly with different numbers",
+        help=advice or "replace one of these equations by one for the undetermined unknowns",
     )
 
 
@@ -186,6 +189,6 @@ def _empty(flat: FlatSystem, equation: FlatEquation) -> StructureError:
         f"{flat.name}: `{flat.text(equation)}` of {label(flat, equation.component)} determines no unknown",
         where=places(flat, [equation]),
         evidence=lines(flat, [equation]),
-        cause="its unknowns cancel, or it holds parameters only",
+        cause="its unknowns cancel, or it contains parameters only",
         help="replace it by an equation for an unknown",
     )

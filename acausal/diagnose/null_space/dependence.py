@@ -1,4 +1,4 @@
-"""Equations that depend on each other by their numbers, which no look at the structure can see."""
+"""Equations that are dependent for the values of their coefficients, which the structure alone does not show."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from acausal.numeric.samples import COUNT, SamplePoints
 
 Matrices = NDArray[np.float64]
 Leaves = Mapping[str, Callable[[int], Any]]
-_LARGEST = 200
+_MOST_DENSE = 200
 _MOST_PARAMETERS = 40
 
 
@@ -39,22 +39,22 @@ def dependent(
     rows
         Indices of flat equations.
     unknowns
-        Reduced variables that stay open.
+        Reduced variables that remain undetermined.
     demand
-        What is left when the unknowns have cancelled; not zero when the equations contradict each other.
+        Remainder when the unknowns have cancelled, which is not zero if the equations contradict each other.
     held
-        Reduced variables in what is left: the combination is a constraint on them.
+        Reduced variables in the remainder: the combination is a constraint on them.
     special
-        Finds the free parameters that need another value only; asked when no other cause is found.
+        Finds free parameters that only need another value; called if no other cause is found.
     """
     flat = reduced.flat
     found = probable(flat)
     if found is not None:
         return found
     equations = [flat.equations[k] for k in dict.fromkeys(rows)]
-    guilty = special()
-    if guilty:
-        return _special(reduced, equations, unknowns, guilty)
+    decisive = special()
+    if decisive:
+        return _special(reduced, equations, unknowns, decisive)
     if held:
         return _hidden_constraint(reduced, equations, held)
     names = names_of(flat, (reduced.scalar[v] for v in unknowns if v < len(reduced.scalar)))
@@ -66,9 +66,9 @@ def dependent(
         where=places(flat, equations) or made_at(flat, ""),
         evidence=["their unknowns cancel:", *lines(flat, equations, 8)]
         + ([f"together they demand 0 == {abs(demand):g}"] if contradict else [])
-        + ([f"they leave open: {listed(names)}"] if names else []),
-        cause="one of them follows from the others, or together they constrain states, which only the numbers show",
-        help="replace one of these equations by one that fixes what is left open",
+        + ([f"they leave undetermined: {listed(names)}"] if names else []),
+        cause="one of them follows from the others, or together they constrain states; only the coefficients show this",
+        help="replace one of these equations by one for the undetermined unknowns",
     )
 
 
@@ -86,7 +86,7 @@ def _special(
         where=list(dict.fromkeys([*places(flat, equations), *(s for n in names[:1] for s in parameter_at(flat, n))])),
         evidence=["in these it cancels for that value:", *lines(flat, equations, 8)],
         cause="with other values of these parameters the equations would determine their unknowns",
-        help=f"change {listed(names, 4)}, or model what is idealised away",
+        help=f"change {listed(names, 4)}, or model the effect that this value neglects",
     )
 
 
@@ -100,9 +100,9 @@ def _hidden_constraint(
         "AC204",
         f"{equations_of(flat, owners)} hide a constraint on {listed(names, 3)}",
         where=places(flat, equations) or made_at(flat, ""),
-        evidence=["a combination of these with others holds nothing else:", *lines(flat, equations, 4)],
-        cause="only the numbers show this constraint; index reduction looks at the structure and cannot find it",
-        help="put something between these components that gives way, such as a resistance or a compliance",
+        evidence=["a combination of these with others contains nothing else:", *lines(flat, equations, 4)],
+        cause="only the coefficients show this constraint; index reduction uses the structure and cannot find it",
+        help="put something compliant or resistive between these components",
     )
 
 
@@ -111,12 +111,12 @@ def check_rank(
 ) -> None:
     """Refuse a nonlinear block whose Jacobian is singular at the start and at every generic point (AC204).
 
-    One regular point suffices to accept it: a start at a singular position (sin(x) == 0 at x = pi/2) is no defect of
-    the equations. Up to 200 unknowns by singular values, beyond that by a sparse factorisation.
+    One regular point suffices to accept it, because a start in a singular position is no defect of the equations.
+    Blocks of up to 200 unknowns are checked by singular values, larger ones by a sparse factorisation.
     """
     if not unknowns:
         return
-    if len(unknowns) <= _LARGEST:
+    if len(unknowns) <= _MOST_DENSE:
         null = _null(_jacobian(reduced, points, residuals, unknowns, points.leaves))
     else:
         null = _sparse_null(reduced, points, residuals, unknowns)
@@ -130,9 +130,9 @@ def check_rank(
 def special_values(
     reduced: ReducedSystem, points: SamplePoints, residuals: Sequence[int], unknowns: Sequence[int]
 ) -> list[int]:
-    """Free parameters any one of which, with another value, makes the equations determine their unknowns."""
+    """Free parameters of which each, with another value, makes the equations determine their unknowns."""
     pool = reduced.pool
-    if len(unknowns) > _LARGEST:
+    if len(unknowns) > _MOST_DENSE:
         return []
     parameters = [pool.nodes[n][1] for n in pool.reachable(residuals) if pool.nodes[n][0] == "par"]
     parameters = [k for k in parameters if k < len(reduced.flat.parameter_values)]
@@ -151,16 +151,16 @@ def _jacobian(
     reduced: ReducedSystem, points: SamplePoints, residuals: Sequence[int], unknowns: Sequence[int], leaves: Leaves
 ) -> Matrices:
     """Slopes of the residuals at all sample points, shape (COUNT, n, n)."""
-    place = {v: k for k, v in enumerate(unknowns)}
+    column_of = {v: k for k, v in enumerate(unknowns)}
     jacobian = np.zeros((COUNT, len(residuals), len(unknowns)))
     for i, row in enumerate(gradients(reduced.pool, residuals, unknowns, leaves)):
         for v, slope in row.items():
-            jacobian[:, i, place[v]] = slope
+            jacobian[:, i, column_of[v]] = slope
     return jacobian
 
 
 def _null(jacobian: Matrices) -> tuple[Matrices, Matrices] | None:
-    """Left and right null vector at the first generic point, if the matrices are singular at all of them."""
+    """Left and right null vector at the first generic point if the matrices are singular at all points, else None."""
     found: tuple[Matrices, Matrices] | None = None
     for matrix in jacobian[1:]:
         if not np.isfinite(matrix).all():
@@ -178,12 +178,12 @@ def _null(jacobian: Matrices) -> tuple[Matrices, Matrices] | None:
 def _sparse_null(
     reduced: ReducedSystem, points: SamplePoints, residuals: Sequence[int], unknowns: Sequence[int]
 ) -> tuple[Matrices, Matrices] | None:
-    """Left and right null vector at the first generic point of a large block that is singular at three of them."""
+    """Left and right null vector at the first generic point of a large block if it is singular at three, else None."""
     n = len(unknowns)
-    place = {v: k for k, v in enumerate(unknowns)}
+    column_of = {v: k for k, v in enumerate(unknowns)}
     slopes = gradients(reduced.pool, residuals, unknowns, points.leaves)
     rows = np.array([i for i, row in enumerate(slopes) for _ in row])
-    columns = np.array([place[v] for row in slopes for v in row])
+    columns = np.array([column_of[v] for row in slopes for v in row])
     entries = np.array([np.broadcast_to(slope, (COUNT,)) for row in slopes for slope in row.values()])
     found: tuple[Matrices, Matrices] | None = None
     for k in range(1, 4):

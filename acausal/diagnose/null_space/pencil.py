@@ -1,8 +1,9 @@
 """The flat system as a matrix at one point: which unknowns are free, and which equations depend on each other.
 
-A linear system with derivatives, E x' + A x = b, determines x when det(s E + A) is not zero for almost every s. Here
-every derivative counts as s times its variable for one odd number s, so that an ordinary matrix has the null vectors
-of the whole system, high index included. Names stay those of the flat system: nothing has been eliminated.
+A linear system with derivatives, E x' + A x = b, determines x if det(s E + A) is not zero for almost every s. Here
+every derivative counts as s times its variable for one arbitrary number s, so that an ordinary matrix has the null
+vectors of the whole system, of high index as well. As nothing has been eliminated, the names are those of the flat
+system.
 
 Source of the criterion: Brenan, Campbell, Petzold, Numerical Solution of Initial-Value Problems in
 Differential-Algebraic Equations, SIAM 1996, section 2.3 (regular pencils).
@@ -21,8 +22,8 @@ from numpy.typing import NDArray
 from acausal.flatten.flat import FlatSystem
 from acausal.numeric.evaluate import gradients, values
 
-_S = 1.3
-_DENSE = 800
+_RATE_FACTOR = 1.3
+_MOST_DENSE = 800
 _TINY = 1e-9
 
 Vector = dict[int, float]
@@ -33,9 +34,9 @@ class Pencil:
     """Rows are flat equations, columns flat scalars."""
 
     flat: FlatSystem
-    matrix: Any  # sparse, shape (equations, scalars); columns of the model's own inputs are empty
-    rest: NDArray[np.float64]  # left minus right side with all unknowns zero: what an equation prescribes by itself
-    # True where an equation holds a source: it is not homogeneous in the unknowns for generic parameters.
+    matrix: Any  # sparse, shape (equations, scalars); columns of the inputs of the model itself are empty
+    rest: NDArray[np.float64]  # left minus right side with all unknowns zero, shape (equations,)
+    # True for equations with a source: for generic parameters they are not homogeneous in the unknowns.
     prescribes: NDArray[np.bool_]
 
     def dependent(self) -> list[Vector]:
@@ -43,7 +44,7 @@ class Pencil:
         return self._null[0]
 
     def free(self) -> list[Vector]:
-        """Directions in which the unknowns can move without any equation noticing, the shortest first."""
+        """Directions in which the unknowns can move without violating any equation, the shortest first."""
         return self._null[1]
 
     @cached_property
@@ -64,9 +65,9 @@ def pencil(flat: FlatSystem) -> Pencil:
 
 
 def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence[float], seed: int = 1) -> Any:
-    """Some rows of the matrix, with given values of the parameters; sparse, as wide as there are scalars.
+    """Some rows of the matrix for given values of the parameters; sparse, shape (len(equations), scalars).
 
-    Other seeds give other points, which tells linear equations from others.
+    Other seeds give other points, which distinguishes linear equations from nonlinear ones.
     """
     pool = flat.pool
     roots = [pool.sub(flat.equations[i].left, flat.equations[i].right) for i in equations]
@@ -85,7 +86,7 @@ def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence
         for variable, slope in gradient.items():
             factor, base = 1.0, variable
             while base in pool.integral_of:
-                factor, base = factor * _S, pool.integral_of[base]
+                factor, base = factor * _RATE_FACTOR, pool.integral_of[base]
             if base not in inputs and np.isfinite(slope):
                 rows.append(i)
                 columns.append(base)
@@ -105,12 +106,12 @@ def _at_zero(flat: FlatSystem, roots: list[int], leaves: Mapping[str, Any]) -> N
 
 
 def null_vectors(matrix: Any) -> tuple[list[Vector], list[Vector]]:
-    """Left and right null vectors of a sparse matrix, as entries by index: few, as a simple reduction finds them."""
+    """Left and right null vectors of a sparse matrix, each with few entries, as maps from index to entry."""
     m, n = matrix.shape
     if not m or not n:
         return ([{i: 1.0} for i in range(m)], [{k: 1.0} for k in range(n)])
     scaled, by_row, by_column = _equilibrated(matrix)
-    left, right = _dense(scaled) if max(m, n) <= _DENSE else _sparse(scaled)
+    left, right = _dense_null_space(scaled) if max(m, n) <= _MOST_DENSE else _sparse_null_space(scaled)
     return _sparsest(left * by_row), _sparsest(right * by_column)
 
 
@@ -119,7 +120,7 @@ def sparse_null_vectors(
 ) -> tuple[list[Vector], list[Vector]]:
     """Left and right null vectors of a large square matrix; a regular one costs one factorisation.
 
-    The matrix, shape (n, n), is given by places and values of its entries, each of shape (n_entries,).
+    The matrix, shape (n, n), is given by the positions and values of its entries, each of shape (n_entries,).
     """
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import splu
@@ -135,7 +136,7 @@ def sparse_null_vectors(
 
 
 def _equilibrated(matrix: Any) -> tuple[Any, NDArray[np.float64], NDArray[np.float64]]:
-    """Scaled so that the largest entry of every row and column is about one."""
+    """(Matrix scaled so that the largest entry of every row and column is about one, row factors, column factors)."""
     by_row, by_column = np.ones(matrix.shape[0]), np.ones(matrix.shape[1])
     from scipy.sparse import csr_matrix, diags
 
@@ -153,16 +154,16 @@ def _equilibrated(matrix: Any) -> tuple[Any, NDArray[np.float64], NDArray[np.flo
     return csr_matrix(scaled), by_row, by_column
 
 
-def _dense(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _dense_null_space(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     u, s, vt = np.linalg.svd(scaled.toarray())
     rank = int(np.sum(s > 1e-10 * max(1.0, s[0])))
     return u[:, rank:].T, vt[rank:]
 
 
-def _sparse(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _sparse_null_space(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Inverse iteration on [[0, M], [M', 0]], whose null vectors are those of M' above those of M.
 
-    A block of vectors finds several at a time; more than its width are not needed for a message.
+    A block of vectors finds several null vectors at once; a message does not need more than its width.
     """
     from scipy.sparse import bmat, eye
     from scipy.sparse.linalg import splu
@@ -178,22 +179,22 @@ def _sparse(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     for part, matrix in ((block[:m], scaled.T), (block[m:], scaled)):
         u, s, _ = np.linalg.svd(part, full_matrices=False)
         basis = u[:, s > 1e-6]
-        # Rayleigh-Ritz: of the directions found, those that the matrix sends to nothing.
-        _, size, turn = np.linalg.svd(matrix @ basis, full_matrices=False)
-        found.append((basis @ turn.T)[:, size < 1e-7].T)
+        # Rayleigh-Ritz: select the directions that the matrix maps to zero.
+        _, size, rotation = np.linalg.svd(matrix @ basis, full_matrices=False)
+        found.append((basis @ rotation.T)[:, size < 1e-7].T)
     return found[0], found[1]
 
 
 def _sparsest(basis: NDArray[np.float64]) -> list[Vector]:
-    """Each vector gets an entry of its own that the others do not have; small ones are zero."""
+    """Null vectors of which each has an entry that is zero in all others; small entries are dropped."""
     from scipy.linalg import qr
 
     if not len(basis):
         return []
     order: Any = qr(basis, pivoting=True, mode="economic")[-1]
-    own = order[: len(basis)]
+    pivots = order[: len(basis)]
     vectors = []
-    for row in np.linalg.solve(basis[:, own], basis):
+    for row in np.linalg.solve(basis[:, pivots], basis):
         row = row / row[np.argmax(np.abs(row))]
         support = np.flatnonzero(np.abs(row) > 1e-7)
         vectors.append({int(k): float(row[k]) for k in support})

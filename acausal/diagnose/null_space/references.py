@@ -1,4 +1,4 @@
-"""Potentials that nothing fixes, and quantities that are fixed twice: null vectors of the flat system, in words."""
+"""Potentials that nothing fixes, and quantities that are fixed twice, found by null vectors of the flat system."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from acausal.language.declarations.declaration import Kind
 
 
 def without_reference(numbers: Pencil) -> StructureError | None:
-    """AC203 when all potentials of an island can be shifted together: every equation holds differences only."""
+    """AC203 if all potentials of an island can be shifted together, because equations contain only differences."""
     flat = numbers.flat
     for shift in numbers.free():
         moved = of_connectors(flat, shift, Kind.VARIABLE)
         if not moved or of_connectors(flat, shift, Kind.FLOW) or len({round(shift[k], 6) for k in moved}) > 1:
             continue
-        twice = [y for y in numbers.dependent() if touch(flat, y, shift)]
-        if any(numbers.prescribes[i] for y in twice for i in y):
-            continue  # two sources prescribe one flow; that the potential between them is free only follows
-        return _island(flat, moved, twice)
+        dependent_rows = [y for y in numbers.dependent() if touch(flat, y, shift)]
+        if any(numbers.prescribes[i] for y in dependent_rows for i in y):
+            continue  # two sources prescribe one flow, and the free potential between them is only a consequence
+        return _island(flat, moved, dependent_rows)
     return None
 
 
@@ -44,23 +44,23 @@ def _island(flat: FlatSystem, moved: Sequence[int], twice: Sequence[Vector]) -> 
     components = list(dict.fromkeys(component_of(flat, n) for n in names))
     shown = connectors if len(", ".join(connectors)) <= 50 else [label(flat, c) for c in components]
     wanted = set(moved)
-    inside = [e for e in flat.equations if not isinstance(e.source, str) and wanted & unknowns_in(flat, e)]
+    island_equations = [e for e in flat.equations if not isinstance(e.source, str) and wanted & unknowns_in(flat, e)]
     junctions = [flat.equations[i] for y in twice[:1] for i in y if isinstance(flat.equations[i].source, str)]
-    evidence = ["they occur only as differences:", *lines(flat, inside, 4)] if inside else []
+    evidence = ["they occur only as differences:", *lines(flat, island_equations, 4)] if island_equations else []
     if junctions:
         evidence += ["while one of these follows from the others:", *lines(flat, junctions, 4)]
     cause, advice = hint([declaration])
     open_ends = loose(flat, connectors)
-    alone = [c for c in components if unconnected(flat, c)]
-    if len(alone) == len(components):
-        cause = f"{listed(alone)} {'is' if len(alone) == 1 else 'are'} connected to nothing"
-        advice = f"connect {listed(open_ends)}, or leave {'it' if len(alone) == 1 else 'them'} out"
+    isolated = [c for c in components if unconnected(flat, c)]
+    if len(isolated) == len(components):
+        cause = f"{listed(isolated)} {'is' if len(isolated) == 1 else 'are'} connected to nothing"
+        advice = f"connect {listed(open_ends)}, or leave {'it' if len(isolated) == 1 else 'them'} out"
     elif open_ends:
         advice = f"connect {listed(open_ends)}" + (f"; {advice}" if advice else "")
     return StructureError(
         "AC203",
         f"{flat.name}: nothing fixes the {_described(declaration.doc)} {quantity} of {listed(shown)}"
-        + (f": {cause}" if alone and len(alone) == len(components) else ""),
+        + (f": {cause}" if isolated and len(isolated) == len(components) else ""),
         where=[s for c in components[:2] for s in made_at(flat, c)],
         evidence=evidence,
         cause=cause or "no component of this island sets an absolute value",
@@ -69,13 +69,13 @@ def _island(flat: FlatSystem, moved: Sequence[int], twice: Sequence[Vector]) -> 
 
 
 def _described(doc: str) -> str:
-    """First word of the declaration's meaning where it is a plain noun: potential, position, angle."""
+    """First word of the documentation of a declaration that is not an article: potential, position, angle."""
     words = [w for w in doc.lower().replace(",", "").split() if w not in ("absolute", "the", "a")]
     return words[0] if words else "potential"
 
 
 def potential_twice(numbers: Pencil) -> StructureError | None:
-    """AC205 when components fix one potential, or one difference of potentials, more than once."""
+    """AC205 if components fix one potential, or one difference of potentials, more than once."""
     flat = numbers.flat
     for y in numbers.dependent():
         equations = [flat.equations[i] for i in sorted(y)]
@@ -94,7 +94,7 @@ def potential_twice(numbers: Pencil) -> StructureError | None:
 
 
 def flow_twice(numbers: Pencil) -> StructureError | None:
-    """AC205 when components fix one flow more than once, or one flow that can go nowhere."""
+    """AC205 if components fix one flow more than once, or a flow that ends at an open connector."""
     flat = numbers.flat
     for y in numbers.dependent():
         if not any(numbers.prescribes[i] for i in y):
@@ -137,7 +137,7 @@ def _flow_twice(
     equations = [flat.equations[i] for i in sorted(y)]
     junctions = [e for e in equations if isinstance(e.source, str)]
     what = _shared(flat, junctions or equations, Kind.FLOW)[:1]
-    cause = "what flows into a junction must flow out again; sources in series leave no choice"
+    cause = "the flows into a junction sum to zero, so that sources in series must agree"
     advice = "remove one of them, or connect something that takes up the difference"
     if ends:
         cause = f"{listed(ends)} {'is' if len(ends) == 1 else 'are'} not connected, so the flow there is zero"
@@ -160,7 +160,7 @@ def _short_circuit(
     equations = [flat.equations[i] for i in sorted(y)]
     return StructureError(
         "AC205",
-        f"{flat.name}: {component} prescribes a difference between {one} and {other}, which are one point",
+        f"{flat.name}: {component} prescribes a difference between {one} and {other}, which coincide",
         where=made_at(flat, component),
         evidence=["these do:", *lines(flat, equations, 8), verdict(numbers, y), *_left_open(flat, circulating)],
         cause=f"{one} and {other} are connected with each other",
@@ -189,11 +189,11 @@ def _subject(flat: FlatSystem, components: Sequence[str]) -> str:
 
 def _left_open(flat: FlatSystem, scalars: Iterable[int]) -> list[str]:
     names = names_of(flat, scalars)
-    return [f"and leave open: {listed(names, 4)}"] if names else []
+    return [f"and leave undetermined: {listed(names, 4)}"] if names else []
 
 
 def demand(numbers: Pencil, y: Vector) -> float | None:
-    """What a combination of linear equations leaves when its unknowns have cancelled; None for nonlinear ones."""
+    """Remainder of a combination of linear equations in which the unknowns cancel; None for nonlinear ones."""
     rows = sorted(y)
     elsewhere = pencil_rows(numbers.flat, rows, numbers.flat.parameter_values, seed=2)
     if abs(elsewhere - numbers.matrix[rows]).max() > 1e-9:
@@ -203,7 +203,7 @@ def demand(numbers: Pencil, y: Vector) -> float | None:
 
 
 def verdict(numbers: Pencil, y: Vector) -> str:
-    """In words whether the equations of a combination contradict each other."""
+    """Sentence that tells whether the equations of a combination contradict each other."""
     rest = demand(numbers, y)
     if rest is None:
         return "one of them follows from the others, or contradicts them"
@@ -223,7 +223,7 @@ def unknowns_in(flat: FlatSystem, equation: FlatEquation) -> set[int]:
 
 
 def of_connectors(flat: FlatSystem, scalars: Iterable[int], kind: Kind) -> list[int]:
-    """Those scalars that are connector variables of a kind."""
+    """Those of the scalars that are connector variables of this kind."""
     return [
         k
         for k in scalars
@@ -232,14 +232,14 @@ def of_connectors(flat: FlatSystem, scalars: Iterable[int], kind: Kind) -> list[
 
 
 def touch(flat: FlatSystem, y: Vector, d: Vector) -> bool:
-    """True when a combination of equations and a free direction concern components in common."""
+    """True if a combination of equations and a free direction have a component in common."""
     mine = {flat.equations[i].component for i in y if not isinstance(flat.equations[i].source, str)}
     theirs = {component_of(flat, name) for name in names_of(flat, d)}
     return bool(mine & theirs)
 
 
 def _owners(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> list[str]:
-    """Components whose own equations hold connector variables of one kind."""
+    """Components whose own equations contain connector variables of this kind."""
     return list(
         dict.fromkeys(
             e.component
@@ -250,7 +250,7 @@ def _owners(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> 
 
 
 def _shared(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> list[str]:
-    """Connector variables of a kind that occur in these equations, each by the name it has in the first of them."""
+    """Connector variables of this kind in the equations, named as in the component of the first that contains them."""
     found: dict[int, str] = {}
     for e in equations:
         for k in of_connectors(flat, sorted(unknowns_in(flat, e)), kind):
