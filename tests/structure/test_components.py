@@ -51,7 +51,7 @@ def test_two_nodes_belong_together_when_each_reaches_the_other(case: tuple[int, 
 
 
 def test_a_long_chain_needs_no_recursion() -> None:
-    n = blt._SMALL
+    n = blt._MOST_WITHOUT_SCIPY
     edges = [(k, k + 1) for k in range(n - 1)]
     assert parts(edges, n) == [[k] for k in range(n)]
     assert parts([*edges, (n - 1, 0)], n) == [list(range(n))]
