@@ -15,7 +15,7 @@ def out_of_bounds(model: str, t: float | None, item: Delay, length: float, longe
         f"{item.name} cannot be read" + (f" at t = {t:.9g} s in {model}" if t is not None else f" in {model}"),
         where=(item.where,) if item.where is not None else (),
         evidence=[limits],
-        cause="a signal cannot be read before it is there" if length < 0 else "older values are no longer stored",
+        cause="the future of a signal is unknown" if length < 0 else "older values are no longer stored",
         help="limit it: maximum(T, 0.0)" if length < 0 else "raise the maximum, the third argument of delay",
     )
 
