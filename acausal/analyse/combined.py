@@ -193,9 +193,9 @@ def _substitute_linear(pool: Pool, rest: int, linear: dict[int, int], variable_o
     """A linear form with the combinations in it replaced by their variables."""
     left = dict(linear)
     for combination, variable in variable_of.items():
-        factor_in = combination.factor_in(pool, left)
-        if factor_in is not None:
-            rest = pool.add(rest, pool.mul(factor_in, pool.var(variable)))
+        factor = combination.factor_in(pool, left)
+        if factor is not None:
+            rest = pool.add(rest, pool.mul(factor, pool.var(variable)))
             left = {v: c for v, c in left.items() if v not in dict(combination.factors)}
     return pool.add(rest, pool.sum(pool.mul(c, pool.var(v)) for v, c in left.items()))
 

@@ -48,8 +48,8 @@ def refuse_changing_structure(
         rows = [residuals[r] for r in block.rows]
         place = {v: k for k, v in enumerate(block.columns)}
 
-        def columns(conditions: Collection[int], place: dict[int, int] = place) -> list[int]:
-            return sorted(place[v] for v in conditions if v in place)
+        def columns(variables: Collection[int], place: dict[int, int] = place) -> list[int]:
+            return sorted(place[v] for v in variables if v in place)
 
         if not switched.intersection(rows) or (_matched([columns(_always(pool, row)) for row in rows]) >= 0).all():
             continue

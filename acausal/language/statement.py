@@ -1,6 +1,6 @@
 """Base class of statements, and detection of statements that are made but not yielded.
 
-`connect(a, b)` and `a == b` are values. If one is made but not yielded, it is lost, and the model would run without it.
+`connect(a, b)` and `a == b` are values. One that is made but not yielded would be lost, and the model run without it.
 Each statement is therefore added to the ledger of the running method when it is made, and removed when it is yielded or
 becomes part of another one; an error is raised for those that remain at the end.
 

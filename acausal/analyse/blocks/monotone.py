@@ -74,8 +74,8 @@ def newton(points: SamplePoints, residual: int, definitions: Definitions, variab
         pool.rewrite([root], lambda v: images.get(v, pool.var(v)), done)
         return done[root]
 
-    for samples_of, node in definitions:
-        image[samples_of] = at(node, image)
+    for unknown, node in definitions:
+        image[unknown] = at(node, image)
     rest = at(residual, image)
     correction = pool.div(rest, partial(pool, rest, variable))
     newton_step = pool.sub(pool.var(variable), correction)

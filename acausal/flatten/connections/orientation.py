@@ -95,8 +95,8 @@ def _loop(
     queue = deque([joint.a])
     while queue and joint.b not in came_from:
         current = queue.popleft()
-        reachable = roots if current == world else neighbours[current] + ([world] if current in roots else [])
-        for other in reachable:
+        adjacent = roots if current == world else neighbours[current] + ([world] if current in roots else [])
+        for other in adjacent:
             if other not in came_from:
                 came_from[other] = current
                 queue.append(other)

@@ -97,10 +97,10 @@ def element_equations(
 
 def _entry(end: Expr, number_of: dict[int, int], origin: Origin) -> Entry:
     symbol: Symbol = signal_of(end)
-    entry = 0
+    position = 0
     for index, size in zip(end.payload if is_element(end) else (), symbol.shape, strict=False):
-        entry = entry * size + index
-    return number_of_end(symbol.owner, number_of, origin), symbol.name, entry
+        position = position * size + index
+    return number_of_end(symbol.owner, number_of, origin), symbol.name, position
 
 
 def _is_source(found: Sequence[Instance], entry: Entry, by: int) -> bool:

@@ -99,13 +99,13 @@ def signal_of(end: Expr) -> Symbol:
 def _check_signals(ends: tuple[Expr, ...]) -> None:
     first, declared = ends[0], signal_of(ends[0]).declaration
     for end in ends:
-        attributes = signal_of(end).declaration
-        if attributes.kind not in (Kind.INPUT, Kind.OUTPUT):
+        of_end = signal_of(end).declaration
+        if of_end.kind not in (Kind.INPUT, Kind.OUTPUT):
             owner = signal_of(end).owner
             signals = [n for n, d in type(owner)._declarations.items() if d.kind in (Kind.INPUT, Kind.OUTPUT)]
             raise DeclarationError(
                 "AC121",
-                f"`{end}` is a {attributes.kind.value}, not a signal",
+                f"`{end}` is a {of_end.kind.value}, not a signal",
                 evidence=[f"signals of {type(owner).__name__}: {', '.join(signals[:6])}"] if signals else [],
                 help="only signal_input and signal_output can be connected; write an equation for anything else",
             )
@@ -115,14 +115,14 @@ def _check_signals(ends: tuple[Expr, ...]) -> None:
                 f"`{first}` ({shape_text(first.shape)}) and `{end}` ({shape_text(end.shape)}) cannot be connected",
                 help="connected signals have the same shape",
             )
-        if attributes.boolean != declared.boolean:
+        if of_end.boolean != declared.boolean:
             on, number = (first, end) if declared.boolean else (end, first)
             raise DeclarationError(
                 "AC147",
                 f"`{on}` is boolean, `{number}` is a number: they cannot be connected",
                 help="put a BooleanToReal or a GreaterThreshold of acausal.library.blocks between them",
             )
-        a, b = declared.unit, attributes.unit
+        a, b = declared.unit, of_end.unit
         if a and b and parse(a).dimension != parse(b).dimension:
             raise UnitError(
                 "AC154",
