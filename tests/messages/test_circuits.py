@@ -32,8 +32,8 @@ error[AC205]: CurrentCutset: first and second both prescribe first.n.i
             second.i == second.I   (ConstantCurrent, electrical/sources.py:N)
             the i of first.n, second.p sum to zero   (test_circuits.py:N)
           together they demand 0 == 1
-          and leave open: first.v, first.n.v, second.v and second.p.v
-  cause   what flows into a junction must flow out again; sources in series leave no choice
+          and leave undetermined: first.v, first.n.v, second.v and second.p.v
+  cause   the flows into a junction sum to zero, so that sources in series must agree
   help    remove one of them, or connect something that takes up the difference
 """,
 )

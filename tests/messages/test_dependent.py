@@ -33,9 +33,9 @@ error[AC204]: equations of Contradiction contradict each other
             x + y == 1   (Contradiction, test_dependent.py:N)
             x + y == 2   (Contradiction, test_dependent.py:N)
           together they demand 0 == 1
-          and leave open: x and y
-  cause   two equations state the same about these unknowns, perhaps with different numbers
-  help    replace one of these equations by one that fixes what is left open
+          and leave undetermined: x and y
+  cause   two equations state the same about these unknowns, possibly with different numbers
+  help    replace one of these equations by one for the undetermined unknowns
 """,
 )
 class Contradiction(Pair):

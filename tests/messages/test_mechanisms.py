@@ -25,7 +25,7 @@ error[AC206]: RodTriangle: the closed loop of world, a, b and c is overconstrain
           the loop: world - a - b - c
           closed between c.frame_b and world.frame_b
           not determined: world.frame_b.t[0], world.frame_b.t[1], world.frame_b.t[2], a.frame_a.f[0] and 35 more
-  cause   nothing in this loop can move: its parts hold each other twice, and how they share a load is open
+  cause   nothing in this loop can move: its parts hold each other twice, so that their loads are undetermined
   help    remove one of the connections, or put a joint or something compliant between two of the parts
 """,
 )

@@ -30,7 +30,7 @@ error[AC205]: ParallelSources: low and high both prescribe low.p.v - low.n.v
             high.v == high.p.v - high.n.v   (ConstantVoltage, electrical/interfaces.py:N)
             high.v == high.V   (ConstantVoltage, electrical/sources.py:N)
           together they demand 0 == 1
-          and leave open: low.p.i, low.n.i, high.p.i and high.n.i
+          and leave undetermined: low.p.i, low.n.i, high.p.i and high.n.i
   cause   is the voltage here fixed twice: two voltage sources in parallel, or a second Ground?
   help    remove one of them, or put something compliant between them
 """,

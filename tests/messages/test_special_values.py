@@ -26,7 +26,7 @@ error[AC204]: ZeroCapacity: equations of c do not determine der(c.v) for c.C = 0
           in these it cancels for that value:
             c.i == c.C * der(c.v)   (Capacitor, electrical/components.py:N)
   cause   with other values of these parameters the equations would determine their unknowns
-  help    change c.C, or model what is idealised away
+  help    change c.C, or model the effect that this value neglects
 """,
 )
 class ZeroCapacity(Component):

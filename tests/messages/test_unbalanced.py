@@ -199,7 +199,7 @@ class StatesItsBaseAgain(Base):
 
 
 def test_super_is_named_as_the_cause() -> None:
-    with pytest.raises(AcausalError, match=r"super\(\)\.equations\(\)` states the equations of Base once more"):
+    with pytest.raises(AcausalError, match=r"super\(\)\.equations\(\)` repeats the equations of Base"):
         acausal.compile(StatesItsBaseAgain())
 
 
