@@ -103,7 +103,7 @@ class Hybrid:
     _uncleared: dict[bytes, int] = field(default_factory=dict)
     _loop: EventLoop | None = None
     _program: tuple[Regime, Library[EventLoopProgram]] | None = None
-    """The compiled code of a regime, which stays as it is once it is there."""
+    """A regime and its compiled code, kept once it is available."""
 
     def __post_init__(self) -> None:
         self.guards = Guards(self.problem, self.tolerances, self.span)
@@ -487,7 +487,7 @@ class Hybrid:
             raise unsettled(self.problem.compiled, float(reached.time or 0.0), [text])
 
     def _refuse_restless(self, reached: Arrival, moment: Moment) -> None:
-        """Refuse a relation that flips without end and hardly any progress in time, within errors of states.
+        """Refuse a relation that flips without end and with hardly any progress in time, within errors of states.
 
         Near `sqrt(h)`, these relax so fast that a guard of 1e-17 is accurate, and its events are 1e-7 s apart.
         """

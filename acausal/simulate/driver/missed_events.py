@@ -158,9 +158,9 @@ class _Search:
     def integrated(self, segment: Segment) -> Piece:
         """Integrate a segment; in parts, once something was missed."""
         parts: list[Piece] = []
-        requested, reach, remaining = segment, np.inf, segment
+        reach, remaining = np.inf, segment
         while True:
-            piece, restart = self._part(requested, reach)
+            piece, restart = self._part(remaining, reach)
             parts.append(piece)
             if restart is None:
                 return _joined(parts)
@@ -170,10 +170,9 @@ class _Search:
                 return _joined(parts)
             remaining = replace(remaining, start=here, times=later, x=x, z=z, shares=None, first=0.0)
             reach = here + length
-            requested = remaining
 
     def is_clear(self, segment: Segment, piece: Piece) -> bool:
-        """Whether nothing can have been missed between the rows of a solution, few of which need not represent it."""
+        """Whether nothing can have been missed between the rows of a solution, even if there are few of them."""
         steps = piece.counters.get("steps", 0.0)
         rows = self._rows(segment, piece)
         if len(rows.times) < 2:

@@ -21,7 +21,7 @@ from acausal.simulate.solvers.segment import Tolerances
 INSTANT, _TIME_ROUNDING = 1e-12, 2e-14
 # How late a mode may begin, in multiples of that; its guards are then below zero by more than their noise.
 LATE = 100
-# The noise of guards that depend on no error. It is not the minimum for others: guards may be picocoulombs.
+# The noise of guards that depend on no error. It is no lower limit for others, which may be measured in picocoulombs.
 LEAST = 1e-15
 # The relative rounding errors of loads.
 _LOAD_ROUNDING = 1e-13
@@ -175,9 +175,9 @@ class Guards:
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """The noise of these guards after errors of the states have relaxed over a step (`ActiveSet.relaxed`).
 
-        Independent errors are no errors of a solution in states that follow others immediately: at a tolerance of 1e-4
-        the current through 1e-5 Ohm would have an error of several ampere, and a diode would conduct as much backwards.
-        The solver leaves of them what an implicit step of its length does.
+        Errors of states that follow others immediately are not independent. If they were taken as such, the current
+        through 1e-5 Ohm would have an error of several amperes at a tolerance of 1e-4, and a diode would conduct as
+        much backwards. The solver leaves of these errors what an implicit step of its length does.
         """
         p = self.problem
         given = t, at.x, at.z, p.u, p.p, at.m, error, self.step
@@ -185,7 +185,7 @@ class Guards:
         return np.where(np.isfinite(found), found, np.inf)
 
     def are_at_zero(self, t: float, g: Vector, rate: Vector, noise: Vector) -> Truth:
-        """Guards that are zero within their noise, or will be soon, as their mode began too late by up to `LATE`."""
+        """Guards that are zero within their noise, or will be soon, because their mode began up to `LATE` late."""
         return np.asarray((np.abs(g) <= noise) | (-g <= rate * (LATE * same_instant(self.span, t))))
 
     def projected(self, t: float, at: Moment) -> Vector:

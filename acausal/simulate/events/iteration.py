@@ -41,7 +41,7 @@ _MOST_TIED = 2
 # last.
 _MOST_KEPT, _KEPT_WITHIN = 20, 1e-6
 Jumped = Callable[[float, Moment], tuple[Vector, tuple[Cause, ...]] | None]
-"""Modes that make delayed signals be read with the delays of a moment, and causes; None if they are so already."""
+"""Modes with which delayed signals are read at the delays of a moment, and causes; None if they are set already."""
 _SCALARS = tuple(Round._fields.index(name) for name in ("level", "settled", "clash"))
 
 
@@ -388,7 +388,7 @@ class Iteration:
         return Moment(moment.x, moment.z, m, regime)
 
     def consistent(self, t: float, moment: Moment) -> Moment:
-        """Solve for the algebraic variables; if the equations contradict each other, far out, with creep."""
+        """Solve for the algebraic variables; if the equations contradict each other, with creep, and thus far out."""
         if not len(moment.z):
             return moment
         problem, start = moment.regime.free, Start(moment.x, moment.z, ())
@@ -418,9 +418,9 @@ class Iteration:
     def _wrong(self, t: float, moment: Moment, tally: _Tally, leaving: bool) -> Truth:
         """Guards of the regime that do not hold, or, with `leaving`, that are at zero and about to become negative.
 
-        `tally.noise` is the largest noise of each relation in all modes so far, by which a relation is judged
-        that has flipped and come back. With the noise of each mode, which may be small in one and large in the next,
-        four diodes at the zero crossing of their source would cycle for ever.
+        `tally.noise` is the largest noise of each relation in all modes so far, by which a relation is judged that has
+        flipped and come back. With the noise of each mode, which may be small in one and large in the next, four diodes
+        at the zero crossing of their source would cycle for ever.
         """
         g = self.guards.distances(t, moment)
         if (g > 1.0).all():  # far from everything: no rates needed

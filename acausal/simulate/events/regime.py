@@ -1,4 +1,4 @@
-"""What is integrated between two events: the equations with fixed modes, and relations that are held at their guards.
+"""The regime between two events: equations with fixed modes, and relations that are held at their guards.
 
 There are two kinds of held relations. In a *sliding mode* both sides of a relation lead back to it, as with a relay at
 its switching point: its mode is then the number between 0 and 1 that keeps the distance to the guard constant (A. F.
@@ -134,7 +134,7 @@ class ActiveSet:
         self._free = ref(free)  # weak, because the cache must not keep the model alive
         self.holds, self.border = holds, border
         self.first = free.n_modes - len(free.state_events.relations)
-        """Position of the first relation among the modes."""
+        """Index of the first relation among the modes."""
 
     @property
     def free(self) -> CompiledModel:
