@@ -45,7 +45,7 @@ class Start:
 def initialize(compiled: CompiledModel, t: float, p: Vector, u: Vector, m: Vector) -> Start:
     """Solve the start conditions together with the algebraic equations.
 
-    Modes of relations of variables, which are written into `m`, and states of discrete variables are determined as well.
+    Modes of relations of variables, which are written into `m`, and discrete variables are determined as well.
 
     Raises InitializationError: AC301 if Newton's method and continuation both fail; AC304 if that is because conditions
     are redundant; AC302 if conditions contradict each other, or no state satisfies them and all constraints; AC303 if
