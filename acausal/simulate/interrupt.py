@@ -21,7 +21,7 @@ class Terminated(KeyboardInterrupt):
 class Interrupted(KeyboardInterrupt):
     """Raised by a call that was interrupted.
 
-    `rows` are the outputs that it had computed, one row per output time; `got` is the piece that the solver made of
+    `rows` are the outputs that it had computed, one row per output time; `piece` is the piece that the solver made of
     them; `signal` is the number of the signal.
     """
 
@@ -29,7 +29,7 @@ class Interrupted(KeyboardInterrupt):
         super().__init__()
         self.rows = rows
         self.signal = _pressed()
-        self.got: Any = None
+        self.piece: Any = None
 
 
 def terminate(number: int, frame: FrameType | None) -> NoReturn:

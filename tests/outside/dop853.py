@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.solvers.base import islands, unmoved
+from acausal.simulate.solvers.base import quadratures_at, unmoved
 from acausal.simulate.solvers.segment import Piece, Segment
 
 
@@ -33,5 +33,5 @@ class Dop853:
         found = solve_ivp(rates, (0.0, end), start, "DOP853", grid, **sizes)
         if not found.success:
             raise RuntimeError(found.message)
-        x = np.vstack([found.y * problem.scale_x[:, None], islands(problem, segment), unmoved(problem, segment)])
+        x = np.vstack([found.y * problem.scale_x[:, None], quadratures_at(problem, segment), unmoved(problem, segment)])
         return Piece(x, problem.solve_algebraic(segment, x), {"rhs_evaluations": float(found.nfev)})

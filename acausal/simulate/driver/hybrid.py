@@ -348,7 +348,7 @@ class Hybrid:
             try:
                 stop = self._to_stop(wide, moment)
             except Interrupted as interrupted:
-                self._record_interrupted(segment, moment, interrupted.got)
+                self._record_interrupted(segment, moment, interrupted.piece)
                 raise
             except RuntimeError:
                 # just beyond an event, frozen modes may lead to points where the equations are undefined: less far

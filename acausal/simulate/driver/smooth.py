@@ -136,8 +136,8 @@ class Smooth:
         try:
             return self.integrate(self.problem, segment)
         except Interrupted as stop:
-            if stop.got is not None:
-                self._record(segment.times[: stop.got.x.shape[1]], stop.got)
+            if stop.piece is not None:
+                self._record(segment.times[: stop.piece.x.shape[1]], stop.piece)
             raise
 
     def _finer(self, segment: Segment) -> tuple[Segment, Piece | None]:

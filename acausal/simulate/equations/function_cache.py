@@ -128,19 +128,19 @@ class FunctionCache:
         pool = solution.structure.reduced.pool
         return time_tables(pool, [*definitions, *solution.residuals], dict(solution.definitions))
 
-    def island_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
+    def quadrature_rates(self, times: Vector, u: Vector, p: Vector, m: Vector, d: Vector) -> Vector:
         """Rates of the quadratures at n instants, shape (nq, n), divided by their nominal magnitudes.
 
         `m` and `d` have a row for each instant, or a single one for all.
         """
-        return self._island_rates.many(times[:, None], u, p, m, d).T
+        return self._quadrature_rates.many(times[:, None], u, p, m, d).T
 
     @cached_property
-    def _island_rates(self) -> BufferedFunction:
-        return BufferedFunction(self.islands)
+    def _quadrature_rates(self) -> BufferedFunction:
+        return BufferedFunction(self.quadrature_function)
 
     @cached_property
-    def islands(self) -> Any:
+    def quadrature_function(self) -> Any:
         """`(t, u, p, m, d) -> rates` of the quadratures, divided by their nominal magnitudes."""
         compiled = self.compiled
         s = Symbols(compiled)
@@ -148,7 +148,7 @@ class FunctionCache:
         d = ca.SX.sym("d", nd)
         rates = compiled.rhs(s.t, ca.vertcat(ca.SX(n + nq, 1), d), s.z, s.u, s.p, s.m)[0][n : n + nq]
         scaled = ca.densify(rates / ca.DM(compiled.nominal_x[n : n + nq]))
-        return ca.Function("islands", [s.t, s.u, s.p, s.m, d], [scaled])
+        return ca.Function("quadrature_function", [s.t, s.u, s.p, s.m, d], [scaled])
 
     @cached_property
     def shares(self) -> Shares | None:

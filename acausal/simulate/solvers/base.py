@@ -40,7 +40,7 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.algebraic import corrected
-from acausal.simulate.record.islands import integrals
+from acausal.simulate.record.quadratures import integrals
 from acausal.simulate.solvers.segment import Piece, Segment
 from acausal.simulate.solvers.step_by_step import step_by_step
 
@@ -102,9 +102,9 @@ class CasadiSolver:
             return self._piece(problem, segment, *self._solved(problem, segment))
         except Interrupted as stop:
             done = len(stop.rows[0]) if stop.rows else 0
-            if done and stop.got is None:
+            if done and stop.piece is None:
                 x, z = stop.rows
-                stop.got = self._piece(problem, replace(segment, times=segment.times[:done]), x, z, {})
+                stop.piece = self._piece(problem, replace(segment, times=segment.times[:done]), x, z, {})
             raise
 
     def _piece(self, problem: Problem, segment: Segment, scaled_x: Vector, scaled_z: Vector, stats: Any) -> Piece:
@@ -215,15 +215,15 @@ def program(problem: Problem, solver: object, segment: Segment) -> Library[Event
     return problem.native.integrator(solver.plugin, solver.settings(problem, segment))
 
 
-def islands(problem: Problem, segment: Segment) -> Vector:
+def quadratures_at(problem: Problem, segment: Segment) -> Vector:
     """Quadratures (integrals of functions of time that act on nothing) at the output times; shape (nq, n)."""
     if not problem.compiled.quadratures:
         return np.zeros((0, len(segment.times)))
-    quadratures = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
+    indices = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
     only = np.zeros(len(segment.times), dtype=np.int64)
     modes, discrete = segment.p[None, :], segment.x[None, len(segment.x) - problem.compiled.discretes :]
     grown = growth(problem, np.array([segment.start]), segment.times, only, modes, discrete, segment)
-    return np.asarray(segment.x[quadratures, None] + grown)
+    return np.asarray(segment.x[indices, None] + grown)
 
 
 def growth(
@@ -244,7 +244,7 @@ def growth(
 
     def rates(instants: Vector, stretch: NDArray[np.int64]) -> Vector:
         m, d = (values[0] if len(values) == 1 else values[stretch] for values in (modes, discrete))
-        return functions_of(compiled).island_rates(instants, problem.u, problem.p, m, d)
+        return functions_of(compiled).quadrature_rates(instants, problem.u, problem.p, m, d)
 
     scale = compiled.nominal_x[problem.n_dynamic : problem.n_dynamic + compiled.quadratures, None]
     ends = time_ends(compiled, problem.p, accuracy.tolerances.relative)
@@ -263,7 +263,7 @@ def _all_states(problem: Problem, segment: Segment, x: Vector) -> Vector:
     all_x = np.empty((len(segment.x), x.shape[1]))
     all_x[:n], all_x[n:] = x, segment.x[n:, None]
     if nq and segment.shares is None:
-        all_x[n : n + nq] = islands(problem, segment)
+        all_x[n : n + nq] = quadratures_at(problem, segment)
     return all_x
 
 

@@ -14,7 +14,7 @@ from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.solvers.base import CasadiSolver, islands, unmoved
+from acausal.simulate.solvers.base import CasadiSolver, quadratures_at, unmoved
 from acausal.simulate.solvers.segment import Piece, Segment
 
 # If a state is predicted to change by more than this in a step, relative to its size, an unchanged result is a failure.
@@ -108,14 +108,14 @@ class Rk2:
         except Interrupted as stop:
             done = len(stop.rows[0]) if stop.rows else 0
             if done:
-                stop.got = self._piece(problem, replace(segment, times=segment.times[:done]), stop.rows[0].T, 0)
+                stop.piece = self._piece(problem, replace(segment, times=segment.times[:done]), stop.rows[0].T, 0)
             raise
 
     def _piece(self, problem: Problem, segment: Segment, scaled_x: Vector, steps: int) -> Piece:
         values = scaled_x * problem.scale_x[:, None]
         if not np.isfinite(values).all():
             raise RuntimeError("the solution is not finite: the fixed step is too large for this model")
-        values = np.vstack([values, islands(problem, segment), unmoved(problem, segment)])
+        values = np.vstack([values, quadratures_at(problem, segment), unmoved(problem, segment)])
         z = problem.solve_algebraic(segment, values)
         return Piece(values, z, {"steps": float(steps), "rhs_evaluations": 2.0 * steps})
 

@@ -26,9 +26,9 @@ def step_by_step(solve: Callable[[Segment], Piece], problem: Problem, segment: S
     try:
         piece = solve(replace(segment, times=step_ends))
     except Interrupted as stop:
-        if stop.got is not None:
-            is_output = np.isin(step_ends[: stop.got.x.shape[1]], segment.times)
-            stop.got = _rows(stop.got, is_output) if is_output.any() else None
+        if stop.piece is not None:
+            is_output = np.isin(step_ends[: stop.piece.x.shape[1]], segment.times)
+            stop.piece = _rows(stop.piece, is_output) if is_output.any() else None
         raise
     count = piece.x.shape[1]
     valid = problem.keeps_branch(replace(segment, times=step_ends[:count]), piece.x, piece.z)

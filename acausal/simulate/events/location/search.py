@@ -26,7 +26,7 @@ from acausal.simulate.events.location import mesh as meshing
 from acausal.simulate.events.location.between import LeftGuards, between, lowest, root
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import islands, on_equations, pace
+from acausal.simulate.solvers.base import on_equations, pace, quadratures_at
 from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 
 Integrate = Callable[[Regime, Segment], Piece]
@@ -590,7 +590,7 @@ class Search:
         later = times > task.quadratures_from.start
         x[quadratures, ~later] = task.quadratures_from.x[quadratures, None]
         if later.any():
-            x[quadratures, later] = islands(problem, replace(task.quadratures_from, times=times[later]))
+            x[quadratures, later] = quadratures_at(problem, replace(task.quadratures_from, times=times[later]))
             task.quadratures_from = replace(task.quadratures_from, start=float(times[-1]), x=x[:, -1])
 
     def _root(self, mesh: _Mesh, row: int, k: int) -> float:

@@ -35,7 +35,7 @@ from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.equations import HELD, parametric
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library, StoppingEquations
-from acausal.simulate.solvers.base import bounded, islands, pace
+from acausal.simulate.solvers.base import bounded, pace, quadratures_at
 from acausal.simulate.solvers.segment import Piece, Segment
 
 # The cost of a mesh point in an interpreted run, including its guards and events in Python, in evaluations: 0.25 ms. By
@@ -284,7 +284,7 @@ def integrate_to_event(guards: Guards, moment: Moment, segment: Segment, plugin:
                 break
     except Interrupted as stop:
         rows = [n.x for n in nodes[1:]]
-        stop.got = _stop(problem, segment, rows, None, rows[-1], solution.step.counters) if rows else None
+        stop.piece = _stop(problem, segment, rows, None, rows[-1], solution.step.counters) if rows else None
         raise
     finally:
         problem.native.interpreted(f"{plugin}, events", solution.step.interpreted)
@@ -307,7 +307,7 @@ def _stop(
         time = max(time, float(times[-1]))
     x = np.array(rows).reshape(-1, problem.n_dynamic).T
     ends = times if time is None else np.append(times, time)
-    quadratures = islands(problem, replace(segment, times=ends))
+    quadratures = quadratures_at(problem, replace(segment, times=ends))
     discrete = segment.x[len(segment.x) - problem.compiled.discretes :]
     states = np.vstack([x, quadratures[:, : len(times)], np.tile(discrete[:, None], (1, len(times)))])
     piece = Piece(states, np.zeros((0, len(times))), counters)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, time, variable, where
-from acausal.simulate.record.islands import integrals
+from acausal.simulate.record.quadratures import integrals
 from acausal.simulate.solvers.segment import Tolerances
 
 Array = NDArray[np.float64]
