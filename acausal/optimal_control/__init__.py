@@ -7,7 +7,7 @@
     problem.minimize(problem.duration)
     best = problem.solve()
 
-docs/optimal-control.md goes through it.
+See docs/optimal-control.md.
 """
 
 from acausal.optimal_control.optimum.optimum import Multiplier as Multiplier

@@ -72,7 +72,8 @@ _BY_SELECTOR: Mapping[int, Callable[..., Any]] = {
 }
 # Sign of the difference for which the condition holds, where it is not +1.
 _SIGNS: Mapping[int, int] = {ca.OP_FMIN: -1, ca.OP_LT: -1, ca.OP_LE: -1}
-# A branch is smoothed if this share of the instants of a guess lies on each side: fewer belong to the ends of a phase.
+# A branch is smoothed if at least this fraction of the instants of a guess is on each side: fewer belong to the ends of
+# a phase.
 _OFTEN = 0.1
 
 Widths = Mapping[int, float]
@@ -86,9 +87,9 @@ def specialize_branches(
 ) -> list[Any]:
     """The SX function specialised for each phase: branches that differ between phases are fixed.
 
-    `points`: For each phase the arguments at n instants inside it, each of shape (rows, n).
-    `beyond`: The same for the run of the guess after the last phase.
-    `widths`: For each phase the widths of smoothed branches, by their numbers; 0 leaves a branch as the model has it.
+    `points`: for each phase the arguments at n instants inside it, each of shape (rows, n).
+    `beyond`: the same for the run of the guess after the last phase.
+    `widths`: for each phase the widths of smoothed branches, by their numbers; 0 leaves a branch as the model has it.
     """
     source = _Operations.of(function)
     conditions = None if source is None else _branch_function(source, _CONDITIONS)
@@ -108,8 +109,8 @@ def relax_branches(function: Any, points: Sequence[Sequence[Vector]], number: in
     A further result holds the quantities that decide these branches, scaled, and positive where the condition holds.
     Branches that differ between phases are fixed as in `specialize_branches`.
 
-    `points`: For each phase the arguments at n instants inside it, each of shape (rows, n).
-    `sizes`: Magnitudes of the deciding quantities, by the numbers of their branches; 0 leaves a branch as it is.
+    `points`: for each phase the arguments at n instants inside it, each of shape (rows, n).
+    `sizes`: magnitudes of the deciding quantities, by the numbers of their branches; 0 leaves a branch as it is.
     """
     source = _Operations.of(function)
     assert source is not None, "branches were found in it"
@@ -139,9 +140,9 @@ def relax_branches(function: Any, points: Sequence[Sequence[Vector]], number: in
 def switching_branches(function: Any, points: Sequence[Vector], smooth: float, often: bool = False) -> dict[int, float]:
     """Smoothing widths of the branches taken both ways at n instants, by their numbers.
 
-    `points`: Arguments of the function, each of shape (rows, n).
-    `smooth`: Width relative to the largest magnitude of the quantity that decides the branch.
-    `often`: Whether to ignore branches that differ at few instants only.
+    `points`: arguments of the function, each of shape (rows, n).
+    `smooth`: width relative to the largest magnitude of the quantity that decides the branch.
+    `often`: whether to ignore branches that differ at few instants only.
     """
     source = _Operations.of(function)
     differences = None if source is None else _branch_function(source, _DIFFERENCES)
@@ -151,8 +152,8 @@ def switching_branches(function: Any, points: Sequence[Vector], smooth: float, o
     size = np.nanmax(np.abs(values), axis=1, initial=0.0)
     # the sign of rounding errors is meaningless
     sides = [(side * values > 1e-9 * size[:, None]).mean(axis=1) for side in (1.0, -1.0)]
-    both = np.minimum(*sides) > (_OFTEN if often else 0.0)
-    return {int(k): float(smooth * size[k]) for k in np.flatnonzero(both)}
+    has_both_sides = np.minimum(*sides) > (_OFTEN if often else 0.0)
+    return {int(k): float(smooth * size[k]) for k in np.flatnonzero(has_both_sides)}
 
 
 def _evaluated(function: Any, columns: Sequence[Vector]) -> Vector:
@@ -187,10 +188,10 @@ def _branch_function(source: _Operations, forms: Mapping[int, Callable[..., Any]
         return None
 
     arguments, _ = _rebuild(source, note)
-    return ca.Function("questions", arguments, [ca.vertcat(*found)]) if found else None
+    return ca.Function("branches", arguments, [ca.vertcat(*found)]) if found else None
 
 
-def _specialize(source: _Operations, decided: Truth, answers: Truth, widths: Widths) -> Any:
+def _specialize(source: _Operations, decided: Truth, truths: Truth, widths: Widths) -> Any:
     """The function with the branches `decided` fixed, and those in `widths` smoothed."""
 
     def replacement(k: int, op: int, operands: list[Any]) -> Any:
@@ -198,7 +199,7 @@ def _specialize(source: _Operations, decided: Truth, answers: Truth, widths: Wid
             return None
         return _SMOOTHED[op](*operands, widths[k])
 
-    arguments, outputs = _replace_branches(source, decided, answers, widths, replacement)
+    arguments, outputs = _replace_branches(source, decided, truths, widths, replacement)
     function = source.function
     return ca.Function(function.name(), arguments, outputs, function.name_in(), function.name_out())
 

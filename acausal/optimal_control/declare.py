@@ -12,7 +12,7 @@ from acausal.errors import Span
 class Mesh:
     """Collocation or shooting intervals of one phase."""
 
-    fractions: tuple[float, ...]  # lengths of the intervals as shares of the phase; their sum is 1
+    fractions: tuple[float, ...]  # lengths of the intervals as fractions of the phase; their sum is 1
 
     @staticmethod
     def uniform(intervals: int) -> Mesh:

@@ -1,4 +1,4 @@
-"""Initial guess of an optimal-control problem: a simulation of the model, cut at the ends of the phases."""
+"""Initial guess of an optimal-control problem: a simulation of the model, divided at the ends of the phases."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from acausal.optimal_control.problem import StatedProblem
 from acausal.result.result import Result
 from acausal.simulate.run import simulate
 
-# A guess need not be accurate: points per interval, their least number in total, and the tolerance of the run.
+# A guess need not be accurate: points per interval, their minimum number in total, and the tolerance of the run.
 _ROWS, _FEWEST, _TOLERANCE = 10, 100, 1e-5
-# Part of the run after the last phase that is used, relative to the duration of that phase.
+# Length of the part of the run after the last phase that is used, relative to the duration of that phase.
 _BEYOND = 0.1
 
 
@@ -44,7 +44,7 @@ def initial_guess(problem: StatedProblem) -> list[PhaseGuess]:
     run = problem.guess_run or _run(problem)
     q, found, first = problem.quantities, [], float(run.time[0])
     rows = [_sampled(run, ports.names) for ports in (q.states, q.z, q.u)]
-    # before the run is cut, so that angles are continuous from phase to phase
+    # convert before the run is divided, so that angles are continuous from phase to phase
     rows[0] = q.coordinates.of(rows[0])
     whole = sum(spec.expected for spec in problem.specs)
     elapsed = 0.0
@@ -55,11 +55,11 @@ def initial_guess(problem: StatedProblem) -> list[PhaseGuess]:
         last = min(last, float(run.time[-1]))
         if last <= first:
             raise _not_reached(problem, run, spec, first)
-        share = (elapsed / whole, (elapsed + spec.expected) / whole)
-        found.append(PhaseGuess(last - first, _interpolant(rows, run, first, last, lines, share)))
+        extent = (elapsed / whole, (elapsed + spec.expected) / whole)
+        found.append(PhaseGuess(last - first, _interpolant(rows, run, first, last, lines, extent)))
         beyond = min(last + _BEYOND * (last - first), float(run.time[-1]))
         if k == len(problem.specs) - 1 and spec.switch is not None and beyond > last:
-            later = PhaseGuess(beyond - last, _interpolant(rows, run, last, beyond, {}, share))
+            later = PhaseGuess(beyond - last, _interpolant(rows, run, last, beyond, {}, extent))
             found[-1] = replace(found[-1], following=later)
         first, elapsed = last, elapsed + spec.expected
     return found
@@ -84,13 +84,14 @@ def _run(problem: StatedProblem) -> Result:
     begin = q.begin.t
     names = q.parameters.names
     declared = problem.compiled.parameter_values
-    own = {n: float(v) for n, v, d in zip(names, q.p, declared, strict=True) if v != d and n != "stabilisation.rate"}
+    changed = {n: float(v) for n, v, d in zip(names, q.p, declared, strict=True) if v != d}
+    changed.pop("stabilisation.rate", None)
     expected = sum(spec.expected for spec in problem.specs)
     rows = _ROWS * sum(len(spec.mesh) for spec in problem.specs)
     return simulate(
         problem.compiled,
         inputs=inputs,
-        parameters=own,
+        parameters=changed,
         start_time=begin,
         stop_time=begin + expected,
         output_interval=expected / max(rows, _FEWEST),
@@ -104,22 +105,22 @@ def _interpolant(
     first: float,
     last: float,
     lines: dict[int, tuple[float, float]],
-    share: tuple[float, float],
+    extent: tuple[float, float],
 ) -> Callable[[Vector], tuple[Vector, Vector, Vector]]:
     """The function `at` of the guess of a phase between the times `first` and `last` of a run.
 
     `samples`: x, z, u at the rows of the run, shapes (nx, rows), (nz, rows), (nu, rows).
-    `lines`: Coordinates that follow straight lines over all phases, with their values at both ends.
-    `share`: Begin and end of the phase as fractions of all phases.
+    `lines`: coordinates that follow straight lines over all phases, with their values at both ends.
+    `extent`: start and end of the phase as fractions of all phases.
     """
 
     def at(fractions: Vector) -> tuple[Vector, Vector, Vector]:
-        # just inside the phase, because values at its ends may belong to the other side of an event
+        # stay just inside the phase, because values at its ends may belong to the other side of an event
         times = first + (last - first) * np.clip(fractions, 1e-9, 1 - 1e-9)
         parts = [np.array([np.interp(times, run.time, row) for row in rows]) for rows in samples]
         x, z, u = (part.reshape(len(rows), len(times)) for part, rows in zip(parts, samples, strict=True))
-        for place, (a, b) in lines.items():
-            x[place] = a + (b - a) * (share[0] + (share[1] - share[0]) * fractions)
+        for k, (a, b) in lines.items():
+            x[k] = a + (b - a) * (extent[0] + (extent[1] - extent[0]) * fractions)
         return x, z, u
 
     return at
@@ -174,18 +175,18 @@ def _not_reached(problem: StatedProblem, run: Result, spec: PhaseSpec, first: fl
     text = problem.guards[spec.switch].text if spec.switch is not None else "its end"
     earlier = [e.time for e in run.events if text in e.condition.split("; ") and e.time <= first]
     seen = [f"{e.time:.4g} s  {e.condition}" for e in run.events[:6]]
-    begins = f"phase '{spec.name}' begins at {first:.4g} s and is expected to take {spec.expected:.4g} s"
+    begins = f"phase '{spec.name}' starts at {first:.4g} s and is expected to take {spec.expected:.4g} s"
     cause = f"the run is as long as all phases together are expected to take, {run.time[-1] - run.time[0]:.4g} s: too "
     cause += "short for this end, or its inputs do not lead there"
-    help_ = "give longer durations, phase(expected=...), or inputs that get there, problem.guess(inputs={...})"
+    help_ = "give longer durations, phase(expected=...), or inputs that lead there, problem.guess(inputs={...})"
     if earlier:
-        cause = f"that happens at {earlier[-1]:.4g} s, and the phase begins at {first:.4g} s"
+        cause = f"this happens at {earlier[-1]:.4g} s, but the phase starts at {first:.4g} s"
         help_ = "declare phases in the order of the run; " + help_
     elif problem.guess_run is not None:
-        cause, help_ = "the run given as a guess ends before", "give one that gets there, problem.guess(run=...)"
+        cause, help_ = "the run given as a guess ends before it", "give one that reaches it, problem.guess(run=...)"
     return OptimizationError(
         "AC705",
-        f"the run behind the guess does not get to the end of phase '{spec.name}': {text}",
+        f"the run of the guess does not reach the end of phase '{spec.name}': {text}",
         evidence=[f"it goes from {run.time[0]:g} to {run.time[-1]:g} s; {begins}", *seen],
         cause=cause,
         help=help_,

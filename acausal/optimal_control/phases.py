@@ -33,10 +33,10 @@ SMOOTH = Form(
 _INSIDE = np.linspace(0.02, 0.98, 33)
 # Instants per interval at which smoothed rates are compared with exact ones.
 _FINE = 200
-# Allowed relative deviation of the states after an event in the guess from those that its clauses give.
+# Allowed relative deviation of the states after an event in the guess from the values that its clauses set.
 _SAME = 1e-4
 # Allowed relative deviation of rates and residuals from those of the model.
-_OFF = 1e-6
+_DEVIATION = 1e-6
 
 
 def dynamics_of(
@@ -97,21 +97,21 @@ def kinks(problem: StatedProblem, guesses: Sequence[PhaseGuess], smooth: float, 
 def bias(laws: Sequence[Dynamics], trajectory: Trajectory) -> float:
     """Bias of the states by smoothing: integral of the deviation of their rates, relative to the largest state."""
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
-    apart = np.zeros(len(size))
+    integral = np.zeros(len(size))
     for phase, law in zip(trajectory.phases, laws, strict=True):
         if law.exact is not None:
-            shares = (np.arange(_FINE * len(phase.mesh)) + 0.5) / (_FINE * len(phase.mesh))
-            columns = _arguments(PhaseGuess(phase.duration, phase.at), shares, phase.begin, trajectory.p)
-            off = np.abs(_evaluated(law.dae, columns)[0] - _evaluated(law.exact, columns)[0])
-            apart += phase.duration * off.mean(axis=1)
-    return float((apart / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
+            fractions = (np.arange(_FINE * len(phase.mesh)) + 0.5) / (_FINE * len(phase.mesh))
+            columns = _arguments(PhaseGuess(phase.duration, phase.at), fractions, phase.begin, trajectory.p)
+            deviation = np.abs(_evaluated(law.dae, columns)[0] - _evaluated(law.exact, columns)[0])
+            integral += phase.duration * deviation.mean(axis=1)
+    return float((integral / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
 
 
-def _arguments(guess: PhaseGuess, shares: Vector, begin: float, p: Vector) -> list[Vector]:
+def _arguments(guess: PhaseGuess, fractions: Vector, begin: float, p: Vector) -> list[Vector]:
     """Arguments t, x, z, u, p of the equations at n fractions of a phase of the guess, each of shape (rows, n)."""
-    x, z, u = guess.at(shares)
-    times = (begin + guess.duration * shares)[None, :]
-    return [times, x, z, u, np.repeat(p[:, None], len(shares), axis=1)]
+    x, z, u = guess.at(fractions)
+    times = (begin + guess.duration * fractions)[None, :]
+    return [times, x, z, u, np.repeat(p[:, None], len(fractions), axis=1)]
 
 
 def _refuse_clocks(compiled: CompiledModel) -> None:
@@ -119,7 +119,7 @@ def _refuse_clocks(compiled: CompiledModel) -> None:
     if compiled.state_events.samples:
         raise OptimizationError(
             "AC704",
-            f"{compiled.name} has clocks: what samples change belongs to no phase",
+            f"{compiled.name} has clocks: phases do not include the changes at samples",
             help="leave the sampled controller out, or make its output an input: acausal.free(model, name)",
         )
 
@@ -182,17 +182,17 @@ def _in_coordinates(q: Quantities, jump: Any) -> Any:
 
 
 def _check_guess(q: Quantities, found: Vector, following: PhaseGuess, ends: list[Vector], name: str) -> None:
-    """AC704 if the run of the guess continues from another state than the clauses give."""
+    """AC704 if the run of the guess continues from a state other than the clauses set."""
     x = following.at(np.array([0.0]))[0].ravel()
     size = np.maximum(np.abs(ends[1]).ravel(), q.x.nominal)
-    off = np.abs(x - found) / size
-    if off.max(initial=0.0) > _SAME:
-        k = int(np.argmax(off))
+    deviation = np.abs(x - found) / size
+    if deviation.max(initial=0.0) > _SAME:
+        k = int(np.argmax(deviation))
         raise OptimizationError(
             "AC704",
-            f"more happens at the end of phase '{name}' than its event says",
-            evidence=[f"{q.x.names[k]} goes on at {x[k]:.6g}, by the clauses at {found[k]:.6g}"],
-            cause="events that set off others at the same instant",
+            f"more happens at the end of phase '{name}' than its event states",
+            evidence=[f"{q.x.names[k]} continues from {x[k]:.6g}; its clauses set {found[k]:.6g}"],
+            cause="events that trigger others at the same instant",
             help="problems with such events are refused: combine them in one `when` of the model",
         )
 
@@ -215,22 +215,20 @@ def check_optimum(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: 
 def _check_instants(problem: StatedProblem, dae: Any, phase: PhaseTrajectory, p: Vector) -> None:
     """AC704 if rates jump inside a phase at an instant of a source; kinks only need a finer mesh."""
     instants = np.unique(np.array(problem.quantities.compiled.instants(p)).ravel())
-    share = (instants - phase.begin) / phase.duration
-    for t, at in zip(instants, share, strict=True):
+    fractions = (instants - phase.begin) / phase.duration
+    for t, at in zip(instants, fractions, strict=True):
         if not 1e-6 < at < 1 - 1e-6:
             continue
         x, z, u = phase.at(np.array([at]))
-        beside = [np.array(dae(t + side * 1e-9 * phase.duration, x, z, u, p)[0]).ravel() for side in (-1, 1)]
-        size = np.maximum(np.abs(beside[0]), np.abs(beside[1]))
-        jumps = np.flatnonzero(np.abs(beside[1] - beside[0]) > _OFF * size)
+        before, after = (np.array(dae(t + side * 1e-9 * phase.duration, x, z, u, p)[0]).ravel() for side in (-1, 1))
+        size = np.maximum(np.abs(before), np.abs(after))
+        jumps = np.flatnonzero(np.abs(after - before) > _DEVIATION * size)
         if len(jumps):
             k = int(jumps[0])
             raise OptimizationError(
                 "AC704",
-                f"the model switches inside of {phase.name}, at t = {t:.6g} s",
-                evidence=[
-                    f"the rate of {problem.quantities.x.names[k]} goes from {beside[0][k]:.6g} to {beside[1][k]:.6g}"
-                ],
+                f"the model switches inside {phase.name}, at t = {t:.6g} s",
+                evidence=[f"the rate of {problem.quantities.x.names[k]} goes from {before[k]:.6g} to {after[k]:.6g}"],
                 help=f"end a phase there: problem.phase(until=problem.time >= {t:.6g})",
             )
 
@@ -260,21 +258,21 @@ def _check_branches(
     names = (q.x.names, q.z.names, tuple(o.name for o in q.outputs))
     words = ("the rate of {}", "the equation of {}", "{}")
     decided = law.dae if law.exact is None else law.exact
-    for own, model, group, text in zip(
+    for solved, model, group, text in zip(
         _evaluated(decided, columns), _evaluated(dae, columns), names, words, strict=True
     ):
-        size = np.maximum(np.abs(model).max(axis=1, initial=0.0), np.abs(own).max(axis=1, initial=0.0))[:, None]
-        off = np.abs(own - model) / np.where(size > 0.0, size, 1.0)
-        if off.max(initial=0.0) > _OFF or not np.isfinite(off).all():
-            k, j = np.unravel_index(int(np.argmax(np.nan_to_num(off, nan=np.inf))), off.shape)
+        size = np.maximum(np.abs(model).max(axis=1, initial=0.0), np.abs(solved).max(axis=1, initial=0.0))[:, None]
+        deviation = np.abs(solved - model) / np.where(size > 0.0, size, 1.0)
+        if deviation.max(initial=0.0) > _DEVIATION or not np.isfinite(deviation).all():
+            k, j = np.unravel_index(int(np.argmax(np.nan_to_num(deviation, nan=np.inf))), deviation.shape)
             t = float(columns[0][0, j])
             raise OptimizationError(
                 "AC706",
-                f"{phase.name} leaves the branch that it was solved on, at t = {t:.6g} s",
-                evidence=[f"{text.format(group[k])} is {model[k, j]:.6g} there, and was taken for {own[k, j]:.6g}"],
-                cause="a switch inside of the phase: the order of the switches is another one than in the guess",
-                help="declare it as the end of a phase of its own, or keep away from it: phase.subject_to(...); where "
-                "the order is free, round it: solve(smooth=1e-3)",
+                f"{phase.name} leaves the branch on which it was solved, at t = {t:.6g} s",
+                evidence=[f"{text.format(group[k])} is {model[k, j]:.6g} there, but was assumed {solved[k, j]:.6g}"],
+                cause="a switch inside the phase: the order of the switches differs from that in the guess",
+                help="end a phase with the switch, or avoid it: phase.subject_to(...); if the order is free, round it: "
+                "solve(smooth=1e-3)",
             )
 
 
@@ -293,8 +291,7 @@ def _check_events(problem: StatedProblem, phase: PhaseTrajectory, columns: list[
         if len(seen) and clause.actions:
             raise OptimizationError(
                 "AC704",
-                f"an event happens inside of {phase.name}, at about t = {columns[0][0, seen[0] + 1]:.4g} s: "
-                f"{clause.text}",
+                f"an event happens inside {phase.name}, at about t = {columns[0][0, seen[0] + 1]:.4g} s: {clause.text}",
                 where=(clause.where,),
-                help="end a phase with it, or keep away from it: phase.subject_to(...)",
+                help="end a phase with it, or avoid it: phase.subject_to(...)",
             )

@@ -101,9 +101,9 @@ class StatedProblem:
         if not isinstance(intervals, int) or not 0.0 <= shortest <= longest or longest <= 0.0 or intervals < 1:
             raise UsageError(
                 "AC050",
-                f"a phase of duration {duration!r} in {intervals} intervals is none",
+                f"a phase of duration {duration!r} in {intervals} intervals is invalid",
                 where=calling_span(),
-                help="duration=(shortest, longest) in s, not negative, and at least one interval",
+                help="give duration=(shortest, longest) in s, not negative, and at least one interval",
             )
         if expected is None:
             known = shortest > 0.0 and math.isfinite(longest)
@@ -112,7 +112,7 @@ class StatedProblem:
         if self._are_phases_closed:
             raise UsageError(
                 "AC050",
-                f"a phase comes after what was said of all {len(self.specs)} phases",
+                f"a phase is declared after a statement on all {len(self.specs)} phases",
                 where=calling_span(),
                 help="declare all phases first, then minimize, subject_to, end, integral",
             )
@@ -168,9 +168,9 @@ class StatedProblem:
         if self.objective.numel() != 1 or self.quantities.varies(self.objective):
             raise UsageError(
                 "AC053",
-                f"{objective} is no single number to minimize",
+                f"{objective} is not a single number to minimize",
                 where=calling_span(),
-                help="take its integral, or its value at an end: problem.integral(...), problem.end(...)",
+                help="use its integral, or its value at an end: problem.integral(...), problem.end(...)",
             )
 
     def subject_to(
@@ -260,7 +260,7 @@ class StatedProblem:
         if foreign:
             raise UsageError(
                 "AC053",
-                f"{foreign[0]} in {found} is no symbol of this problem",
+                f"{foreign[0]} in {found} is not a symbol of this problem",
                 where=calling_span(),
                 help="take it from this problem: problem[name], problem.time, problem.end(...), problem.decide(...)",
             )
@@ -301,17 +301,17 @@ class StatedProblem:
         if lower > upper or lower == math.inf or upper == -math.inf or (lower, upper) == (-math.inf, math.inf):
             raise UsageError(
                 "AC051",
-                f"the constraint on {label or expression} bounds nothing: {lower:g} ... {upper:g}",
+                f"the constraint on {label or expression} has no valid limits: {lower:g} ... {upper:g}",
                 where=calling_span(),
-                help="min=, max= or equals=, or a relation: subject_to(a <= b)",
+                help="give min=, max= or equals=, or a relation: subject_to(a <= b)",
             )
         varies = self.quantities.varies(expression)
         where = calling_span()
         for k, entry in enumerate(ca.vertsplit(ca.vec(expression)) if expression.numel() > 1 else [expression]):
             names = self.quantities.entries(what) if is_name else ()
-            own = label or str(expression)
-            own = own if expression.numel() == 1 else (names[k] if is_name and not name else f"{own}[{k}]")
-            text = own if name else constraint_text(own, lower, upper)
+            base = label or str(expression)
+            base = base if expression.numel() == 1 else (names[k] if is_name and not name else f"{base}[{k}]")
+            text = base if name else constraint_text(base, lower, upper)
             scale = self.quantities.nominal(names[k]) if is_name else _magnitude(lower, upper)
             variable = names[k] if is_name else None
             if any(c.name == text and (c.lower, c.upper) != (lower, upper) for c in self.constraints):
@@ -327,7 +327,7 @@ class StatedProblem:
 
 
 def _limits_of(duration: Any) -> tuple[float, float]:
-    """The shortest and the longest duration [s]; nan for what is neither a number nor a pair of them."""
+    """The shortest and the longest duration [s]; nan if `duration` is neither a number nor a pair of numbers."""
     if isinstance(duration, _NUMBER):
         return float(duration), float(duration)
     if isinstance(duration, tuple | list) and len(duration) == 2 and all(isinstance(d, _NUMBER) for d in duration):
@@ -340,7 +340,7 @@ def _check_limit(limit: Any, what: object) -> None:
     if limit is not None and (not isinstance(limit, _NUMBER) or isinstance(limit, bool) or math.isnan(limit)):
         raise UsageError(
             "AC051",
-            f"the limit {limit!r} of {what} is no number",
+            f"the limit {limit!r} of {what} is not a number",
             where=calling_span(),
             help="limits are numbers in SI units: max=4e3 for 4 kN",
         )

@@ -116,7 +116,7 @@ class Quantities:
         if name in self._known:
             raise UsageError(
                 "AC053",
-                f"{name} is a number, or a decision with other limits, in what was stated before",
+                f"{name} has already been used as a number, or decided with other limits",
                 where=calling_span(),
                 help="decide each parameter once, before it is used",
             )
@@ -185,7 +185,7 @@ class Quantities:
         if found is None or found[0] != "x" or found[2] < 0:
             raise UsageError(
                 "AC010",
-                f"{name} is no state of {self.compiled.name}",
+                f"{name} is not a state of {self.compiled.name}",
                 where=calling_span(),
                 evidence=meant(name, self.x.names),
                 help=f"its states: {', '.join(self.x.names)}",
@@ -241,7 +241,7 @@ class Quantities:
 
 
 def magnitude(port_nominal: Vector, seen: Vector) -> Vector:
-    """Declared nominal values, or, where none was declared, the largest value in the guess; all of shape (n,)."""
+    """Declared nominal values or, if none was declared, the largest values in the guess; all of shape (n,)."""
     undeclared = port_nominal == 1.0
     usable = np.isfinite(seen) & (seen > 0.0)
     return np.where(undeclared & usable, np.clip(seen, 1e-12, math.inf), port_nominal)

@@ -53,7 +53,7 @@ class Problem(StatedProblem):
         solver: str = "ipopt",
         options: Mapping[str, Any] | None = None,
     ) -> Optimum:
-        """The optimum, by Radau collocation and ipopt, or by multiple shooting.
+        """Compute the optimum by Radau collocation and ipopt, or by multiple shooting.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class Problem(StatedProblem):
             which it was solved, AC707 if the mesh is still too coarse after all refinements.
         """
         if accuracy is not None and not accuracy > 0.0:
-            raise UsageError("AC053", f"accuracy={accuracy!r} is no error", help="a positive number: accuracy=1e-4")
+            raise UsageError("AC053", f"accuracy={accuracy!r} is not positive", help="give a number: accuracy=1e-4")
         self._close_phases()
         step_scheme = Steps(shooting, steps) if shooting is not None else None
         solver_options = dict(options or {})
@@ -126,7 +126,7 @@ class Problem(StatedProblem):
         degree: int = 3,
         options: Mapping[str, Any] | None = None,
     ) -> Controller:
-        """The problem as a model predictive controller: its single phase is the horizon, its intervals are samples.
+        """Make the problem a model predictive controller: its single phase is the horizon, its intervals are samples.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Problem(StatedProblem):
         degree: int = 3,
         options: Mapping[str, Any] | None = None,
     ) -> Estimator:
-        """The problem as a moving-horizon estimator of states and decided parameters.
+        """Make the problem a moving-horizon estimator of states and decided parameters.
 
         Its single phase is the window of past samples, its intervals are the samples; it has no objective.
 

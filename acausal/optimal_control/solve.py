@@ -1,4 +1,4 @@
-"""Solution of an optimal-control problem: guess, transcription, ipopt, and mesh refinement until IDAS agrees."""
+"""Solution of an optimal-control problem: guess, transcription, ipopt, and mesh refinement, checked by IDAS."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from acausal.optimal_control.program.shooting import Steps
 
 _INFEASIBLE = ("Infeasible_Problem_Detected", "Restoration_Failed")
 _UNBOUNDED = "Diverging_Iterates"
-# Unknowns are scaled to 1, so that iterates beyond this limit diverge.
+# Iterates beyond this limit diverge, because unknowns are scaled to 1.
 _DIVERGING = 1e8
-# Error of an interval, relative to the magnitude of a state, above which there is a note.
+# A larger error of an interval, relative to the magnitude of a state, is noted.
 _NOTED = 1e-3
-# If a run deviates by this many times the accumulated errors of the intervals and the bias of smoothing, something acts
-# between the collocation points.
+# If a run deviates by more than this many times the accumulated errors of the intervals and the bias of smoothing, an
+# effect between the collocation points has been missed.
 _BLIND = 10.0
-# How far ipopt moves a simulated guess away from limits. Such a guess often runs into them, and unknowns at a limit
-# shorten the first steps of all. The solution on a coarser mesh is not moved.
+# Distance by which ipopt moves a simulated guess away from limits. Such a guess often reaches them, and unknowns at a
+# limit shorten the first steps of all unknowns. A solution on a coarser mesh is not moved.
 _INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
 _log = logging.getLogger(__name__)
 SOLVERS: Mapping[str, Mapping[str, Any]] = {
@@ -87,7 +87,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     stopwatch.lap("guess")
     first_guesses = guesses
     is_relaxed = choices.complementarity
-    # selectors need the magnitudes of the deciding quantities themselves
+    # for selectors, the "widths" are the magnitudes of the quantities that decide the branches
     smooth = 1.0 if is_relaxed else choices.smooth
     widths = kinks(problem, first_guesses, smooth, often=True) if smooth else []
     laws = dynamics_of(problem, first_guesses, widths, is_relaxed)
@@ -97,7 +97,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     first: Program | None = None
     while True:
         program = transcribe(problem, laws, guesses, meshes, basis, expected, steps=choices.steps)
-        # magnitudes of the first guess: an input or an objective whose least is zero has none in the later ones
+        # use magnitudes of the first guess: an input or objective whose minimum is zero has none in later guesses
         program.nlp.weight = program.nlp.objective_weight() if first is None else first.nlp.weight
         first = first or program
         stopwatch.lap("build")
@@ -152,19 +152,19 @@ def _errors(
     trajectory: Trajectory,
     best: Optimum,
 ) -> tuple[list[Vector], float, bool, tuple[str, ...]]:
-    """(Errors of the intervals of each phase, error of the replay, whether the points miss its cause, notes of it).
+    """(Errors of the intervals of each phase, error of the replay, whether the points miss its cause, its notes).
 
     Each array of errors has shape (intervals,).
     """
     if not program.complementarity:
         check_optimum(problem, laws, trajectory)
-    drift, farther, meeting = replay_error(best, [len(phase.mesh) for phase in program.phases])
+    drift, increases, meeting = replay_error(best, [len(phase.mesh) for phase in program.phases])
     if program.complementarity:
         return _switch_errors(program, solution, drift), drift, False, meeting
     errors, accumulated = interval_errors(problem, laws, trajectory)
     is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
     if is_blind:
-        errors = [np.maximum(*both) for both in zip(errors, farther, strict=True)]
+        errors = [np.maximum(*pair) for pair in zip(errors, increases, strict=True)]
     return errors, drift, is_blind, meeting
 
 
@@ -173,15 +173,15 @@ def _with_new_branches(
 ) -> list[Widths]:
     """Widths of the smoothed branches, and of those that the solution takes both ways."""
     found = kinks(problem, trajectory.guesses(), smooth)
-    return [{**more, **known} for more, known in zip(found, widths, strict=True)]
+    return [{**new, **known} for new, known in zip(found, widths, strict=True)]
 
 
-def _smoothing_note(widths: list[Widths], off: float) -> tuple[str, ...]:
+def _smoothing_note(widths: list[Widths], deviation: float) -> tuple[str, ...]:
     """A note on the bias of smoothing."""
     count = sum(map(len, widths))
     if not count:
         return ()
-    return (f"{count} kinks are rounded, which leads states away by up to {off:.2g} of their magnitude",)
+    return (f"{count} kinks are rounded, which changes states by up to {deviation:.2g} of their magnitude",)
 
 
 def _switch_note(worst: float) -> tuple[str, ...]:
@@ -189,7 +189,7 @@ def _switch_note(worst: float) -> tuple[str, ...]:
     if worst <= 10 * _NOTED:
         return ()
     return (
-        f"switches lie within intervals: a run with these inputs goes {worst:.2g} of a state's magnitude elsewhere; "
+        f"switches lie within intervals: a run with these inputs deviates by {worst:.2g} of a state's magnitude; "
         "solve(accuracy=1e-2)",
     )
 
@@ -200,20 +200,20 @@ def _check(problem: StatedProblem, degree: int, control: int, choices: Choices) 
     if choices.complementarity and (smooth or choices.steps is not None or solver != "ipopt"):
         raise UsageError(
             "AC053",
-            "complementarity goes with collocation and ipopt, and rounds nothing",
+            "complementarity requires collocation and ipopt, and excludes smoothing",
             help="leave out smooth=, shooting= and solver=",
         )
     if problem.objective is None:
-        raise UsageError("AC053", f"{problem!r} minimizes nothing", help="problem.minimize(problem.duration)")
+        raise UsageError("AC053", f"{problem!r} has no objective", help="problem.minimize(problem.duration)")
     if solver not in SOLVERS:
         raise UsageError("AC053", f"there is no solver '{solver}'", help=f"solvers: {', '.join(SOLVERS)}")
     if not 0.0 <= smooth < 1.0:
-        raise UsageError("AC053", f"kinks are not rounded by {smooth:g}", help="smooth=1e-3: a share, from 0 to 1")
+        raise UsageError("AC053", f"kinks are not rounded by {smooth:g}", help="give a fraction: smooth=1e-3")
     if degree < 1 or degree > 9 or control < 0 or control > degree - 1:
         raise UsageError(
             "AC053",
             f"inputs of degree {control} with {degree} points in an interval",
-            help="1 to 9 points, and inputs of a degree below their number",
+            help="use 1 to 9 points, and inputs of a degree below their number",
         )
 
 
@@ -235,26 +235,26 @@ def _failure(program: Program, solution: Solution, solver: str) -> OptimizationE
     if status == _UNBOUNDED:
         return OptimizationError(
             "AC702",
-            "the objective has no smallest value: ipopt's iterates grow without end",
+            "the objective has no minimum: ipopt's iterates grow without bound",
             evidence=[f"largest: {name}" for name in _largest_unknowns(program, solution)],
             help="limit what grows: subject_to(name, min=..., max=...), or min and max of the inputs",
         )
     if status in _INFEASIBLE:
         return OptimizationError(
             "AC701",
-            "the demands contradict each other, or the model: ipopt finds no point that fulfils all",
+            "the constraints contradict each other, or the model: ipopt finds no point that satisfies all",
             evidence=[
                 *_most_violated(program, solution),
-                f"they press most: {', '.join(_largest_multipliers(program, solution))}",
+                f"largest multipliers: {', '.join(_largest_multipliers(program, solution))}",
             ],
-            help="relax them, allow more time, or begin elsewhere: problem.guess(...)",
+            help="relax them, allow more time, or start from another guess: problem.guess(...)",
         )
     return OptimizationError(
         "AC703",
-        f"{solver} gives up: {status.replace('_', ' ')}",
+        f"{solver} fails: {status.replace('_', ' ')}",
         evidence=_most_violated(program, solution),
-        help="begin nearer to an answer (problem.guess), give magnitudes (nominal=) to variables, or more iterations: "
-        'solve(options={"max_iter": 3000}); kinks of where, maximum and the like can be rounded: solve(smooth=1e-3)',
+        help="give a guess closer to the solution (problem.guess), magnitudes (nominal=) of variables, or more "
+        'iterations: solve(options={"max_iter": 3000}); round kinks of where, maximum and the like: solve(smooth=1e-3)',
     )
 
 
@@ -264,11 +264,11 @@ def _most_violated(program: Program, solution: Solution) -> list[str]:
     for entry in program.constraints:
         values = solution.g[entry.rows.start : entry.rows.stop] * entry.scale
         c = entry.constraint
-        off = np.maximum(np.maximum(c.lower - values, values - c.upper), 0.0) / entry.scale
-        if off.size and (off.max() > 1e-6 or not np.isfinite(values).all()):
-            k = int(np.argmax(off))
-            place = f" in {program.phases[entry.phase].spec.name}" if entry.phase is not None else ""
-            found.append((float(off[k]), f"{c.name}{place}: it is {values[k]:.4g}", c.where))
+        violation = np.maximum(np.maximum(c.lower - values, values - c.upper), 0.0) / entry.scale
+        if violation.size and (violation.max() > 1e-6 or not np.isfinite(values).all()):
+            k = int(np.argmax(violation))
+            phase = f" in {program.phases[entry.phase].spec.name}" if entry.phase is not None else ""
+            found.append((float(violation[k]), f"{c.name}{phase}: it is {values[k]:.4g}", c.where))
     return [text for _, text, _ in sorted(found, key=lambda item: -item[0])[:4]]
 
 
@@ -298,11 +298,11 @@ def _mesh_note(
 ) -> tuple[str, ...]:
     """A note if the optimum may exploit the errors of a coarse mesh, or if a run deviates from the solution."""
     if not np.isfinite(drift):
-        return ("a run with these inputs fails, so that nothing checks the solution; replay() says why",)
+        return ("a run with these inputs fails, so that the solution is not checked; replay() raises the error",)
     if is_blind:
         return (
-            "something acts between the points of the mesh that they do not see: a run with these inputs goes "
-            f"{drift:.2g} of a state's magnitude elsewhere from {_worst_interval(trajectory, errors)} on; "
+            "the points of the mesh miss an effect between them: a run with these inputs deviates by "
+            f"{drift:.2g} of a state's magnitude from {_worst_interval(trajectory, errors)} on; "
             "solve(accuracy=1e-3), or more intervals there",
         )
     if worst <= _NOTED and drift <= 10 * _NOTED:
@@ -310,11 +310,13 @@ def _mesh_note(
     if worst <= _NOTED:
         enough = 10.0 ** np.floor(np.log10(max(worst * min(10 * _NOTED / drift, 1.0), 1e-9)))
         return (
-            f"errors grow along the motion: {worst:.2g} of a state's magnitude in one interval at most, a run with "
-            f"these inputs goes {drift:.2g} elsewhere; solve(accuracy={enough:g}), or keep to it with a controller",
+            f"errors grow along the motion: at most {worst:.2g} of a state's magnitude in one interval, but a run with "
+            f"these inputs deviates by {drift:.2g}; solve(accuracy={enough:g}), or follow it with a controller",
         )
     where = _worst_interval(trajectory, errors)
-    return (f"the mesh is coarse: IDAS ends {worst:.2g} of a state's magnitude off in {where}; solve(accuracy=1e-4)",)
+    return (
+        f"the mesh is coarse: IDAS deviates by {worst:.2g} of a state's magnitude in {where}; solve(accuracy=1e-4)",
+    )
 
 
 def _worst_interval(trajectory: Trajectory, errors: list[Vector]) -> str:
@@ -335,11 +337,11 @@ def _too_coarse(trajectory: Trajectory, errors: list[Vector], accuracy: float) -
     )
 
 
-# Relaxations of the scaled complementarity conditions after the first solution, which has 1.
+# Relaxations of the scaled complementarity conditions after the first solution, whose relaxation is 1.
 _RELAXATIONS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-# Smaller relaxations may fail where friction sticks; the optimum of the one before is then as accurate as the mesh.
+# Smaller relaxations may fail where friction sticks; the last optimum is then as accurate as the mesh.
 _SMALL_ENOUGH = 1e-4
-# Change of a selector from one point to the next that counts as a switch.
+# A larger change of a selector from one point to the next counts as a switch.
 _SWITCH = 0.05
 
 

@@ -72,7 +72,7 @@ def test_small_errors_that_grow_are_told() -> None:
     assert told == pytest.approx(max(best.error(best.replay()).values()), rel=0.3)
     notes = best.stats["notes"]
     assert isinstance(notes, tuple)
-    assert any("these inputs goes" in note for note in notes)
+    assert any("these inputs deviates" in note for note in notes)
 
 
 def test_pendulum_in_x_and_y_is_searched_in_its_angle() -> None:

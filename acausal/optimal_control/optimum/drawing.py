@@ -22,15 +22,15 @@ from acausal.panel import Panel
 from acausal.plot.plot import figure, save
 from acausal.plot.scale import Scale, readable
 
-_HELD = "#D55E00"
+_ACTIVE_COLOR = "#D55E00"
 # Plotted instants per phase.
 _INSTANTS = 300
 # Small letters per inch.
 _LETTERS = 16
-# Room for a label beyond a limit, relative to the height of the panel.
-_ROOM = 0.16
-# Constraints active at a smaller share of the points of a phase are not listed.
-_SHARE = 0.1
+# Space for a label beyond a limit, relative to the height of the panel.
+_LABEL_SPACE = 0.16
+# Constraints active at a smaller fraction of the points of a phase are not listed.
+_LEAST_ACTIVE = 0.1
 
 
 def draw_optimum(best: Optimum, names: Sequence[str], file: str | Path | None, title: str | None) -> Figure:
@@ -45,7 +45,7 @@ def draw_optimum(best: Optimum, names: Sequence[str], file: str | Path | None, t
     lines = [f"{name}, {begin:.4g} to {end:.4g} s: {_active_limits(best, name)}" for name, begin, end in best.phases]
     width = int(drawing.get_figwidth() * _LETTERS)
     lines = [part for line in lines for part in wrap(line, width, subsequent_indent="    ")]
-    legend = ["thick: at a limit"] if any(best.active(name, _SHARE) for name, _, _ in best.phases) else []
+    legend = ["thick: at a limit"] if any(best.active(name, _LEAST_ACTIVE) for name, _, _ in best.phases) else []
     drawing.supxlabel("\n".join([*legend, *lines]), x=0.01, ha="left", fontsize=8)
     save(drawing, file)
     return drawing
@@ -66,7 +66,7 @@ def _scale(best: Optimum, variable: str) -> Scale:
 def _limit(best: Optimum, multiplier: Multiplier, level: Vector) -> str:
     """Text of the active limit of a variable: the name given by the user, else the active side in the unit of the axis.
 
-    `level`: Values of the variable where the limit is active, shape (n,).
+    `level`: values of the variable where the limit is active, shape (n,).
     """
     variable, lower, upper = multiplier.variable, multiplier.lower, multiplier.upper
     if variable is None or multiplier.name not in (f"limits of {variable}", constraint_text(variable, lower, upper)):
@@ -114,32 +114,32 @@ def _mark_active(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) 
     held &= inside
     if not held.any():
         return
-    ax.plot(x, np.where(held, y, np.nan), color=_HELD, lw=4.0, alpha=0.6, solid_capstyle="butt", zorder=1.5)
+    ax.plot(x, np.where(held, y, np.nan), color=_ACTIVE_COLOR, lw=4.0, alpha=0.6, solid_capstyle="butt", zorder=1.5)
     runs = np.split(np.flatnonzero(held), np.flatnonzero(np.diff(np.flatnonzero(held)) > 1) + 1)
     longest = max(runs, key=lambda r: float(x[r[-1]] - x[r[0]]))
     middle = (x[longest[0]] + x[longest[-1]]) / 2
     level = float(y[longest[len(longest) // 2]])
-    # the label goes beyond the limit, where there is no curve
-    own = best[multiplier.variable or ""][longest]
-    above = bool(np.abs(own - multiplier.upper).min() <= np.abs(own - multiplier.lower).min())
+    # place the label beyond the limit, where there is no curve
+    values = best[multiplier.variable or ""][longest]
+    above = bool(np.abs(values - multiplier.upper).min() <= np.abs(values - multiplier.lower).min())
     offset = (0, 4 if above else -4)
-    place = "bottom" if above else "top"
+    vertical = "bottom" if above else "top"
     low, high = ax.get_ylim()
-    room = _ROOM * (high - low)
-    ax.set_ylim(min(low, level - room) if not above else low, max(high, level + room) if above else high)
+    space = _LABEL_SPACE * (high - low)
+    ax.set_ylim(min(low, level - space) if not above else low, max(high, level + space) if above else high)
     # keep the label inside the figure
-    share = (middle - ax.get_xlim()[0]) / np.ptp(ax.get_xlim())
-    side = "left" if share < 0.2 else "right" if share > 0.8 else "center"
+    position = (middle - ax.get_xlim()[0]) / np.ptp(ax.get_xlim())
+    side = "left" if position < 0.2 else "right" if position > 0.8 else "center"
     edge = {"left": longest[0], "right": longest[-1]}.get(side)
     ax.annotate(
-        _limit(best, multiplier, own),
+        _limit(best, multiplier, values),
         (middle if edge is None else float(x[edge]), level),
         offset,
         textcoords="offset points",
         ha=side,
-        va=place,
+        va=vertical,
         fontsize=8,
-        color=_HELD,
+        color=_ACTIVE_COLOR,
         # the box covers grid and phase lines but not curves
         bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0},
         zorder=1.9,
@@ -148,7 +148,7 @@ def _mark_active(ax: Axes, line: Line2D, best: Optimum, multiplier: Multiplier) 
 
 def _active_limits(best: Optimum, phase: str) -> str:
     """Text of the active limits of a phase."""
-    held = [best.multipliers[name] for name in best.active(phase, _SHARE)]
+    held = [best.multipliers[name] for name in best.active(phase, _LEAST_ACTIVE)]
     own = [m.active & np.array([name == phase for name in m.phase]) for m in held]
     words = [_limit(best, m, m.level[k]) for m, k in zip(held, own, strict=True)]
     return ", ".join(words) if words else "nothing is at a limit"

@@ -46,9 +46,9 @@ def _phase(
 ) -> tuple[Vector, float, Vector]:
     """(Local errors, shape (intervals,); largest accumulated error; final state of the accumulated integration).
 
-    `p`: Parameters, shape (np,).
-    `size`: Magnitudes of the states, shape (nx,).
-    `state`: Initial state of the accumulated integration, shape (nx,).
+    `p`: parameters, shape (np,).
+    `size`: magnitudes of the states, shape (nx,).
+    `state`: initial state of the accumulated integration, shape (nx,).
     """
     count = len(phase.mesh)
     if not len(size):

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 # A constraint is active within this distance of its limit, relative to its magnitude.
 _NEAR = 1e-3
 _NEWTON_STEPS = 4
-# Points within the first distance of an event are at it, events within the second of each other are one; relative to
-# the duration of all phases.
+# Points within the first distance of an event are at it; events within the second distance of each other coincide. Both
+# are relative to the duration of all phases.
 _AT_EVENT, _SAME_EVENT = 1e-6, 1e-3
-# An input that varies by less than this share of its magnitude is constant.
+# An input that varies by less than this fraction of its magnitude is constant.
 _ROUNDING = 1e-9
 
 
@@ -143,8 +143,8 @@ class Optimum(Result):
         found = np.full((len(self.compiled.continuous), len(self.time)), np.nan)
         keep = self.away_from_events(replay)
         for k, name in enumerate(self.compiled.continuous):
-            own, other = self[name], np.asarray(replay.at(self.time, name))
-            found[k, keep] = ((own - other) / (float(np.abs(own).max()) or 1.0))[keep]
+            optimal, replayed = self[name], np.asarray(replay.at(self.time, name))
+            found[k, keep] = ((optimal - replayed) / (float(np.abs(optimal).max()) or 1.0))[keep]
         return found
 
     def away_from_events(self, replay: Result) -> NDArray[np.bool_]:
@@ -207,13 +207,13 @@ def optimum_of(
     declared = np.array(compiled.parameter_values)
     names = q.parameters.names
     rate = "stabilisation.rate"
-    own = {n: float(v) for n, v, d in zip(names, trajectory.p, declared, strict=True) if v != d and n != rate}
+    changed = {n: float(v) for n, v, d in zip(names, trajectory.p, declared, strict=True) if v != d and n != rate}
     begin = q.first if not q.decided else np.array(q.start(ca.DM(trajectory.p))).ravel()
     free = list(problem.free_start)
     first = np.array(begin)
-    first[free] = trajectory.phases[0].x[free, 0]  # the others are those of the model but for rounding
-    both = (q.coordinates.states(v[:, None]).ravel() for v in (first, begin))
-    start = {n: float(a) for n, a, b in zip(q.states.names, *both, strict=True) if a != b}
+    first[free] = trajectory.phases[0].x[free, 0]  # the others are those of the model up to rounding errors
+    pair = (q.coordinates.states(v[:, None]).ravel() for v in (first, begin))
+    start = {n: float(a) for n, a, b in zip(q.states.names, *pair, strict=True) if a != b}
     x = q.coordinates.states(x)
     return Optimum(
         model=compiled.name,
@@ -226,7 +226,7 @@ def optimum_of(
         multipliers=multipliers,
         inputs=_inputs(q.u, trajectory, input_sizes),
         start=start,
-        parameters=own,
+        parameters=changed,
         phases=spans,
         compiled=compiled,
     )
@@ -241,16 +241,14 @@ def _rows(trajectory: Trajectory) -> tuple[Vector, Vector, Vector, Vector]:
             times.append(phase.time(k, at))
             columns.append(phase.interval(k, at))
     x, z, u = (np.hstack([c[k] for c in columns]) for k in range(3))
-    # rounding must not make time decrease between phases
+    # time must not decrease between phases by rounding errors
     return np.maximum.accumulate(np.concatenate(times)), x, z, u
 
 
 def _observed(compiled: CompiledModel, times: Vector, x: Vector, z: Vector, u: Vector, p: Vector) -> Vector:
     """All trajectories of the model at n instants, shape (n, columns); x, z, u have shapes (rows, n)."""
-    n, z = (
-        len(times),
-        z[: len(compiled.algebraic)],
-    )  # those of monotone searches are not algebraic variables of the model
+    n = len(times)
+    z = z[: len(compiled.algebraic)]  # the unknowns of monotone searches are not algebraic variables of the model
     args = [ca.DM(times[None, :]), *(ca.DM(v) if v.size else ca.DM(v.shape[0], n) for v in (x, z, u))]
     p = p.copy()
     if compiled.solution.structure.rate is not None:
@@ -289,21 +287,21 @@ def _dense(q: Quantities, trajectory: Trajectory, at: Vector) -> Vector:
 
 def _inputs(ports: Ports, trajectory: Trajectory, sizes: Vector) -> dict[str, TimeSeries | float]:
     """Inputs as time series with four values per interval, from which cubic splines reproduce their polynomials."""
-    places = np.linspace(0.0, 1.0, 4)
+    positions = np.linspace(0.0, 1.0, 4)
     times, columns = [], []
     for phase in trajectory.phases:
         for k in range(len(phase.mesh)):
-            times.append(phase.time(k, places))
-            columns.append(phase.interval(k, places)[2])
+            times.append(phase.time(k, positions))
+            columns.append(phase.interval(k, positions)[2])
     time, u = np.maximum.accumulate(np.concatenate(times)), np.hstack(columns)
     return {port.name: _series(port, time, u[k], float(sizes[k])) for k, port in enumerate(ports)}
 
 
 def _series(port: Port, time: Vector, values: Vector, size: float) -> TimeSeries | float:
-    """One input as a series, or as a number if it varies only by rounding, which would slow a simulation down.
+    """One input as a series, or as a number if it varies only by rounding errors, which would slow down simulations.
 
-    `size`: Magnitude by which the program scaled it. A nominal value of 1 that nobody declared would flatten currents
-    of a nanoampere.
+    `size`: magnitude by which the program scaled it. The default nominal value of 1 would make currents of a
+    nanoampere constant.
     """
     if float(np.ptp(values)) <= _ROUNDING * max(float(np.abs(values).max()), size):
         return float(np.clip(values.mean(), port.min, port.max))

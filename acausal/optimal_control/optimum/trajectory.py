@@ -38,7 +38,7 @@ class PhaseTrajectory:
         return np.concatenate([[0.0], np.cumsum(self.mesh.fractions)[:-1], [1.0]])
 
     def interval(self, k: int, at: Vector) -> tuple[Vector, Vector, Vector]:
-        """x, z, u at m places `at` in [0, 1] of interval k, shapes (nx, m), (nz, m), (nu, m)."""
+        """x, z, u at m positions `at` in [0, 1] of interval k, shapes (nx, m), (nz, m), (nu, m)."""
         d, q = self.basis.degree, self.basis.control + 1
         x = self.x[:, k * d : (k + 1) * d + 1] @ self.basis.of_states(at)
         z = self.z[:, k * d : (k + 1) * d] @ self.basis.of_algebraic(at)
@@ -46,18 +46,21 @@ class PhaseTrajectory:
         return x, z, u
 
     def time(self, k: int, at: Vector) -> Vector:
-        """Times [s] of m places `at` in [0, 1] of interval k, shape (m,)."""
+        """Times [s] of m positions `at` in [0, 1] of interval k, shape (m,)."""
         borders = self.borders
         return np.asarray(self.begin + self.duration * (borders[k] + (borders[k + 1] - borders[k]) * at))
 
-    def at(self, shares: Vector) -> tuple[Vector, Vector, Vector]:
-        """x, z, u at m fractions of the phase, shapes (nx, m), (nz, m), (nu, m); at an end of the next interval."""
+    def at(self, fractions: Vector) -> tuple[Vector, Vector, Vector]:
+        """x, z, u at m fractions of the phase, shapes (nx, m), (nz, m), (nu, m).
+
+        At the border of two intervals, the values are those of the later one.
+        """
         borders = self.borders
-        number = np.clip(np.searchsorted(borders, shares, side="right") - 1, 0, len(self.mesh) - 1)
-        x, z, u = (np.empty((len(v), len(shares))) for v in (self.x, self.z, self.u))
+        number = np.clip(np.searchsorted(borders, fractions, side="right") - 1, 0, len(self.mesh) - 1)
+        x, z, u = (np.empty((len(v), len(fractions))) for v in (self.x, self.z, self.u))
         for k in np.unique(number).tolist():
             own = number == k
-            local = (shares[own] - borders[k]) / (borders[k + 1] - borders[k])
+            local = (fractions[own] - borders[k]) / (borders[k + 1] - borders[k])
             x[:, own], z[:, own], u[:, own] = self.interval(k, local)
         return x, z, u
 
@@ -86,5 +89,5 @@ def trajectory_of(program: Program, solution: Solution) -> Trajectory:
         )
     p = next(found).reshape(-1)
     for place, lower, upper, _ in program.problem.quantities.decided:
-        p[place] = np.clip(p[place], lower, upper)  # solvers leave limits by their tolerance, which a run refuses
+        p[place] = np.clip(p[place], lower, upper)  # solvers exceed limits by their tolerance, which a run refuses
     return Trajectory(phases, p)

@@ -37,7 +37,7 @@ class Law:
         """Jacobians of the algebraic equations by scaled z at n instants, shape (nz, nz, n).
 
         `at`: t, x, z, u, each of shape (rows, n).
-        `sizes`: Magnitudes of z, shape (nz,).
+        `sizes`: magnitudes of z, shape (nz,).
         """
         n, m = at[0].shape[1], len(sizes)
         # selectors are halfway between the branches, as in the initial guess

@@ -1,4 +1,4 @@
-"""Nonlinear programs, unknowns, constraints and objective, and their solution by the solvers of CasADi."""
+"""Nonlinear programs (unknowns, constraints, objective), and their solution by the solvers of CasADi."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.errors import UsageError
 from acausal.optimal_control.program.derivatives import derivatives
 from acausal.optimal_control.program.points import Points, insert_functions
 
-# Limits of an unknown that differ by less than this share are equal.
+# Limits of an unknown with a smaller relative difference are equal.
 _SAME = 1e-12
 
 
@@ -95,12 +95,12 @@ class Nlp:
         return {"x": self.x, "p": ca.vertcat(self.p, weight), "f": weight * f, "g": g}
 
     def objective_weight(self, p: Vector | None = None) -> float:
-        """The number, 1 or larger, by which a small objective is multiplied; `p` are the parameters, shape (np,).
+        """The factor, at least 1, by which a small objective is multiplied; `p` are the parameters, shape (np,).
 
-        Solvers end when no step reduces the objective by more than an absolute tolerance, and themselves scale large
-        objectives only: a least time of a microsecond would end at five times the least. Unknowns are scaled to 1, so
-        the sum of slopes is what the objective changes by. It is also taken beside the guess, where an objective like
-        the square of an input has no slope.
+        Solvers stop when no step reduces the objective by more than an absolute tolerance, and scale down large
+        objectives only: the minimisation of a time of a microsecond would stop at five times the minimum. Because
+        unknowns are scaled to 1, the sum of slopes is the magnitude of changes of the objective. It is also evaluated
+        at a displaced point, because an objective such as the square of an input may have no slope at the guess.
         """
         f = insert_functions([self.objective], self.points)[0]
         slope = ca.Function("slope", [self.x, self.p], [ca.gradient(f, self.x)])
@@ -145,7 +145,7 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
         "error_on_fail": False,
     }
     if solver != "ipopt":
-        # the stage structure of fatrop does not admit free durations and decided parameters, so none is detected
+        # do not detect a stage structure: that of fatrop does not admit free durations and decided parameters
         program = nlp.casadi_program(ca.MX.sym("weight"))
         function = _solver(solver, program, {**common, "structure_detection": "none"})
         low, high = nlp.limits
@@ -184,9 +184,9 @@ def _solver(name: str, program: Mapping[str, Any], options: Mapping[str, Any]) -
     except RuntimeError as error:
         raise UsageError(
             "AC053",
-            f"{name} does not take these options: {options[name]}",
+            f"{name} does not accept these options: {options[name]}",
             evidence=str(error).strip().splitlines()[-1:],
-            help='options={"max_iter": 1000}, by the names and types of its manual',
+            help='options={"max_iter": 1000}, with the names and types in its manual',
         ) from error
 
 
@@ -230,7 +230,7 @@ class _Bounds:
 
 
 def _bounds(nlp: Nlp) -> _Bounds:
-    """The constraints on one unknown as simple bounds, except contradictory ones, which the solver shall report."""
+    """The constraints on single unknowns as simple bounds, except contradictory ones, which the solver reports."""
     rows, columns, slopes, offsets = _bound_rows(nlp)
     n = nlp.x.numel()
     lower, upper = nlp.limits

@@ -1,7 +1,7 @@
-"""Functions evaluated at many instants of a phase, built up row by row.
+"""Functions evaluated at many instants of a phase, assembled row by row.
 
 A program repeats the equations of the model at every collocation point. It contains symbols for their results, so that
-`derivatives.py` differentiates the function once, and the rest of the program separately.
+`derivatives.py` can differentiate the function once, and the rest of the program separately.
 """
 
 from __future__ import annotations

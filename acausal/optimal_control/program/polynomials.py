@@ -41,7 +41,7 @@ class Basis:
         return np.array(ca.collocation_coeff(self.points.tolist())[2]).ravel()
 
     def bernstein(self, at: Vector) -> Vector:
-        """Values of the Bernstein polynomials at n places `at` in [0, 1], shape (control + 1, n)."""
+        """Values of the Bernstein polynomials at n positions `at` in [0, 1], shape (control + 1, n)."""
         q = self.control
         return np.array([comb(q, i) * at**i * (1 - at) ** (q - i) for i in range(q + 1)])
 
@@ -51,11 +51,11 @@ class Basis:
         return np.linspace(0.0, 1.0, self.control + 1) if self.control else np.array([0.5])
 
     def of_states(self, at: Vector) -> Vector:
-        """Weights of the values at 0 and at the points for values at n places, shape (degree + 1, n)."""
+        """Weights of the values at 0 and at the points for values at n positions, shape (degree + 1, n)."""
         return _lagrange(np.concatenate([[0.0], self.points]), at)
 
     def of_algebraic(self, at: Vector) -> Vector:
-        """Weights of the values at the points for values at n places, shape (degree, n)."""
+        """Weights of the values at the points for values at n positions, shape (degree, n)."""
         return _lagrange(self.points, at)
 
     def blocks(self, block: Vector, intervals: int, overlap: int) -> Any:
@@ -75,7 +75,7 @@ class Basis:
 
 
 def _lagrange(nodes: Vector, at: Vector) -> Vector:
-    """Lagrange polynomials of the nodes at n places, shape (nodes, n)."""
+    """Lagrange polynomials of the nodes at n positions, shape (nodes, n)."""
     found = np.ones((len(nodes), len(at)))
     for i, own in enumerate(nodes):
         for k, other in enumerate(nodes):

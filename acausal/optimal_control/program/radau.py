@@ -1,7 +1,7 @@
 """Transcription of a problem into a nonlinear program: Radau collocation, or multiple shooting, in all phases.
 
-Unknowns are scaled by declared nominal values, limits of inputs, the largest values in the guess, or, of states that
-rest at zero there, the values demanded at starts and ends.
+Unknowns are scaled by declared nominal values, by limits of inputs, or by the largest values in the guess; states that
+stay at zero in the guess, by the values required at starts and ends of phases.
 """
 
 from __future__ import annotations
@@ -117,12 +117,12 @@ def transcribe(
     steps: Steps | None = None,
     past: bool = False,
 ) -> Program:
-    """The nonlinear program of a problem on the given meshes, with its initial guess.
+    """Create the nonlinear program of a problem on the given meshes, with its initial guess.
 
-    `expected`: Values of the parameters in the guess, shape (np,).
-    `varying`: Indices of model parameters that become, with the start values of the states, parameters of the program.
-    `steps`: Integration steps of multiple shooting, which then replaces collocation.
-    `past`: Whether inputs are parameters of the program, and all start values unknowns, as for estimation.
+    `expected`: values of the parameters in the guess, shape (np,).
+    `varying`: indices of model parameters that become, with the start values of the states, parameters of the program.
+    `steps`: integration steps of multiple shooting, which then replaces collocation.
+    `past`: whether inputs are parameters of the program, and all start values unknowns, as for estimation.
 
     Raises UsageError: AC051 for constraints that no unknown can influence; AC052 for algebraic variables at a start
     with shooting or complementarity.
@@ -139,8 +139,8 @@ def transcribe(
     wanted = [k for k, output in enumerate(q.outputs) if q.place(output.name) is None]
     begin: Any = q.begin.t
     for spec, guess, mesh, law in zip(problem.specs, guesses, meshes, dynamics, strict=True):
-        special = law_of(law.dae if law.relaxed is None else law.relaxed, expected, places, wanted)
-        phase = _phase(program, problem, spec, mesh, law, special, guess, sizes, begin)
+        specialised = law_of(law.dae if law.relaxed is None else law.relaxed, expected, places, wanted)
+        phase = _phase(program, problem, spec, mesh, law, specialised, guess, sizes, begin)
         program.phases.append(phase)
         begin = begin + phase.duration
     _link(program, problem, sizes[0])
@@ -163,8 +163,8 @@ def _decisions(nlp: Nlp, q: Quantities, expected: Vector) -> Any:
     return ca.vertcat(*found) if found else ca.MX(0, 1)
 
 
-def _demanded(problem: StatedProblem) -> Vector:
-    """Largest values that states have to take at the starts and ends of phases, shape (nx,); 0 where none is stated."""
+def _required(problem: StatedProblem) -> Vector:
+    """Largest values that states have to take at the starts and ends of phases, shape (nx,); 0 if none is stated."""
     q, found = problem.quantities, np.zeros(len(problem.quantities.x))
     names = {key(symbol): output.name for symbol, output in zip(q.symbols, q.outputs, strict=True)}
     at_ends = {key(v.symbol): v.expression for v in problem.values if v.kind != "integral"}
@@ -185,7 +185,7 @@ def _sizes(problem: StatedProblem, guesses: Sequence[PhaseGuess]) -> tuple[Vecto
     for k, ports in enumerate((q.x, q.z, q.u)):
         largest = np.max([np.abs(s[k]).max(axis=1, initial=0.0) for s in seen], axis=0)
         if ports is q.x:
-            largest = np.where(largest == 0.0, _demanded(problem), largest)
+            largest = np.where(largest == 0.0, _required(problem), largest)
         found.append(magnitude(np.array(ports.nominal), largest))
     for constraint in (*_limits(problem), *problem.constraints):
         place = q.place(constraint.variable) if constraint.variable is not None else None
@@ -216,7 +216,7 @@ def _phase(
     if law.algebraic is not None:
         values[1] = np.zeros((0, n))
     else:
-        # started far above a solution, Newton's method can fall below the lower bound of a monotone search
+        # from a start far above the solution, Newton's method can fall below the lower bound of a monotone search
         values[1] = np.minimum(values[1], np.where(np.isfinite(q.low), q.low / sizes[1] + 1.0, np.inf)[:, None])
     nz = len(values[1])
     if law.selectors:
@@ -230,7 +230,7 @@ def _phase(
     times = begin + duration * ca.DM(shares).T
     arguments = [times, x[:, 1:], z, at]
     inside = site_of(nlp, q, law, program.w, arguments, n)
-    # algebraic variables at the start are unknowns only if needed; else those of the first point stand for them
+    # algebraic variables at the start are unknowns only if needed; otherwise those of the first point replace them
     start_values = [v.expression for v in problem.values if v.kind == "start" and problem.specs[v.phase] is spec]
     known = program.steps is None and not law.selectors and any(_by_z(problem, e, dynamics, law) for e in start_values)
     at_start = ca.DM(sizes[1]) * nlp.unknown(values[1][:, :1], nz, 1) if known else z[:, 0]
@@ -277,11 +277,12 @@ def _equation_sizes(slopes: Vector) -> Vector:
 def _needs_lower_bound(law: Law, at: Sequence[Vector], sizes: Vector, low: Vector, slopes: Vector) -> NDArray[np.bool_]:
     """Mask of the algebraic variables that need their lower bound as a constraint, shape (nz,).
 
-    An equation that is monotone below the bound as above it has no solution there, and needs no constraint. If its
-    solution is the bound itself (a drill in air does not cut), a constraint would leave ipopt no interior.
+    An equation whose slope has the same sign below the bound as above it has no solution below, and needs no
+    constraint. If its solution is the bound itself (a drill in air does not cut), a constraint would leave ipopt no
+    interior.
 
     `at`: t, x, z, u at n instants, each of shape (rows, n).
-    `sizes`, `low`: Magnitudes and lower bounds of z, shape (nz,).
+    `sizes`, `low`: magnitudes and lower bounds of z, shape (nz,).
     `slopes`: Jacobians of the equations by scaled z at these instants, shape (nz, nz, n).
     """
     found = np.isfinite(low)
@@ -395,7 +396,7 @@ def _values(program: Program, problem: StatedProblem) -> None:
 
 
 def _by_z(problem: StatedProblem, expression: Any, dynamics: Dynamics, law: Law) -> str | None:
-    """Name of a variable in an expression that depends on algebraic variables of the program; None without."""
+    """Name of a variable in an expression that depends on algebraic variables of the program, or None."""
     q = problem.quantities
     if not len(q.z) or not q.outputs or law.algebraic is not None:
         return None
@@ -413,8 +414,8 @@ def _check_start(program: Program, problem: StatedProblem, expression: Any, phas
         raise UsageError(
             "AC052",
             f"{name} follows from algebraic equations, which are not solved at the start of a phase",
-            help="ask for a state there, or demand it along the phase: phase.subject_to(...); by collocation without "
-            "complementarity it is known",
+            help="use a state there, or constrain it along the phase: phase.subject_to(...); collocation without "
+            "complementarity does solve them",
         )
 
 
@@ -469,19 +470,18 @@ def _add_constraint(program: Program, problem: StatedProblem, constraint: Constr
 def _refuse_constant(constraint: Constraint, phase: PhaseProgram, row: Any) -> None:
     """AC051 if a path constraint is constant over the phase, and violated."""
     points = phase.inside.points
-    asked = next((a for a, s in zip(points.rows, points.symbols, strict=True) if key(s) == key(row)), None)
-    if asked is None or ca.depends_on(asked, points.local):
+    constant = next((a for a, s in zip(points.rows, points.symbols, strict=True) if key(s) == key(row)), None)
+    if constant is None or ca.depends_on(constant, points.local):
         return
-    value = float(ca.evalf(asked)[0])
+    value = float(ca.evalf(constant)[0])
     least = 1e-9 * constraint.scale
     if constraint.lower - least <= value <= constraint.upper + least:
         return
     raise UsageError(
         "AC051",
-        f"nothing that can be chosen changes what {constraint.name} demands in phase {phase.spec.name}: "
-        f"it is {value:g} there",
+        f"no unknown can influence the constraint {constraint.name} in phase {phase.spec.name}: it is {value:g} there",
         where=constraint.where,
-        help="demand it of the phases in which it varies: phase = problem.phase(...), phase.subject_to(...)",
+        help="impose it on the phases in which it varies: phase = problem.phase(...), phase.subject_to(...)",
     )
 
 
@@ -494,7 +494,7 @@ def _add_rows(
     if phase is None and not ca.depends_on(value, ca.veccat(*chosen)):
         raise UsageError(
             "AC051",
-            f"nothing that can be chosen changes what {constraint.name} demands",
+            f"no unknown can influence the constraint {constraint.name}",
             where=constraint.where,
             help="leave it out; parameters are numbers until they are decided: problem.decide(name)",
         )

@@ -25,7 +25,7 @@ class Steps:
             raise UsageError(
                 "AC053",
                 f"intervals of {self.count} steps of '{self.method}'",
-                help=f"shooting is one of {', '.join(METHODS)}, with one step at least in an interval",
+                help=f"shooting is one of {', '.join(METHODS)}, with at least one step in an interval",
             )
 
 
@@ -43,7 +43,7 @@ def integrate_interval(law: Law, steps: Steps, point: Sequence[Any], h: Any, row
     method = Method(steps.method, rates, ca.DM.ones(n + m + z.numel()))
     now, state, algebraic = t, ca.vertcat(x, ca.SX(m, 1)), z
     for _ in range(steps.count):
-        # the run of the answer shows whether these Newton steps suffice
+        # the replay of the solution shows whether these Newton steps suffice
         state, algebraic, _ = method.step(now, h / steps.count, state, algebraic, [u, w])
         now = now + h / steps.count
     return state[:n], state[n:]

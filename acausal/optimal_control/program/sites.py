@@ -66,8 +66,8 @@ class Site:
         if others:
             raise UsageError(
                 "AC053",
-                f"{others[0].name()} stands inside of an integral, which shooting takes over each interval",
-                help="put it in front of the integral, or solve by collocation",
+                f"{others[0].name()} is inside an integral, which shooting evaluates interval by interval",
+                help="move it outside the integral, or solve by collocation",
             )
         function = ca.Function("integrand", symbols, [expression]).expand()
         return function(self.point[0], *(self.signal(k) for k in range(len(q.outputs))), *ca.vertsplit(self.point[4]))

@@ -90,8 +90,7 @@ def closed_loop(
     places = tuple(plant.inputs.index(name) for name in controller.inputs)
     first = {n: input_start(plant, s, p) for n, s in zip(plant.inputs, plant.flat.inputs, strict=True)}
     u = input_vector(plant, {n: first[n] for n in controller.inputs}, unchecked=controller.inputs)
-    # placeholder values alternate, so that models whose inputs must not jump are refused now: the inputs are unknown
-    # yet
+    # the inputs are not known yet: placeholder values alternate, so that models whose inputs must not jump are refused
     held = [steps(times, u[k] + (1.0 + abs(u[k])) * (np.arange(samples) % 2)) for k in places]
     u[list(places)] = 0.0
     driven = with_driven(plant, places)
@@ -130,7 +129,7 @@ class SampledController:
         self.iterations: list[int] = []
 
     def next_stop(self, here: float, until: float, moment: Moment) -> tuple[float, tuple[Cause, ...]]:
-        """No further limit, because samples are stops known in advance."""
+        """No further stop, because samples are stops known in advance."""
         return until, ()
 
     def set_modes(self, modes: Vector) -> None:

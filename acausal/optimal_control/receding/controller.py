@@ -65,8 +65,8 @@ class Controller:
         Raises OptimizationError: AC703 if there is no solution; the next call starts from the last solution again.
         Raises UsageError: AC053 for a parameter that is not one of `varying`.
 
-        `states`: Values by name, or all in the order of `self.states`, shape (nx,).
-        `parameters`: Values that differ from those of the problem, by name.
+        `states`: values by name, or all in the order of `self.states`, shape (nx,).
+        `parameters`: values that differ from those of the problem, by name.
         """
         x = [states[n] for n in self.states] if isinstance(states, Mapping) else np.asarray(states, dtype=float)
         q = self.problem.quantities
@@ -78,7 +78,7 @@ class Controller:
                 "AC703",
                 f"no inputs found for the next sample: {self._program.status}",
                 evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, np.ravel(x), strict=True))[:6]],
-                help="hold the last inputs for this sample; limits on measured quantities may have to be soft",
+                help="keep the last inputs for this sample; limits on measured quantities may have to be soft",
             )
         return dict(zip(self.inputs, np.array(self._first(found)).ravel().tolist(), strict=True))
 
@@ -117,16 +117,16 @@ def check_horizon(problem: StatedProblem, past: bool = False) -> None:
     if past and (not fixed or problem.objective is not None):
         raise UsageError(
             "AC053",
-            f"{problem!r} is no window to estimate in",
-            help="one phase with duration=samples * step and intervals=samples, and no objective: that is made of "
-            "what is measured",
+            f"{problem!r} is no window for an estimator",
+            help="declare one phase with duration=samples * step and intervals=samples, and no objective: it follows "
+            "from the measurements",
         )
     if not past and (problem.objective is None or not fixed or problem.quantities.decided):
         raise UsageError(
             "AC053",
             f"{problem!r} is no horizon",
-            help="one phase with duration=samples * step and intervals=samples, an objective, and parameters that are "
-            "given at each sample instead of decided",
+            help="declare one phase with duration=samples * step and intervals=samples, an objective, and parameters "
+            "that are given at each sample instead of decided",
         )
 
 
@@ -136,6 +136,6 @@ def check_autonomous(problem: StatedProblem, dae: Any) -> None:
     if compiled.time_events.relations or any(dae.jac_sparsity(k, 0).nnz() for k in range(3)):
         raise UsageError(
             "AC053",
-            f"{compiled.name} depends on the time, which no sample knows",
-            help="make its source an input or a parameter that varies: acausal.free(model, name)",
+            f"{compiled.name} depends on the time, which is not passed at a sample",
+            help="make its source an input or a varying parameter: acausal.free(model, name)",
         )

@@ -90,8 +90,8 @@ class Estimator:
         Raises OptimizationError: AC703 if there is no estimate; the next call starts from the last solution again.
         Raises UsageError: AC033 for an input or a measurement that is missing or not finite.
 
-        `inputs`: Values of the inputs in the sample, by name.
-        `measured`: Measured values at its end, by name.
+        `inputs`: values of the inputs in the sample, by name.
+        `measured`: measured values at its end, by name.
         """
         q = self.problem.quantities
         _check_given(inputs, q.u.names, "input")
@@ -155,7 +155,7 @@ def _set_objective(
 
 
 def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
-    """AC033 for missing or not finite values: one nan would spoil a whole window."""
+    """AC033 for missing or not finite values: one nan would invalidate a whole window."""
     for name in names:
         if name not in given or not np.isfinite(given[name]):
             value = f"is {given[name]}" if name in given else "is missing"
@@ -180,7 +180,7 @@ def _check_names(
     for name, deviation in {**measured, **deviations}.items():
         if not (np.isfinite(deviation) and deviation > 0.0):
             raise UsageError(
-                "AC053", f"a standard deviation of {deviation:g} for {name}", help="a positive number, in SI units"
+                "AC053", f"a standard deviation of {deviation:g} for {name}", help="give a positive number, in SI units"
             )
     if not measured:
         raise UsageError("AC053", "nothing is measured", help='problem.estimator({"name": standard deviation})')

@@ -25,7 +25,7 @@ _OPTIONS = {
 
 
 class WarmStartedSolver:
-    """Solver of a program with its last solution.
+    """Solver of a program that starts from its last solution.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class WarmStartedSolver:
 
         The next call starts from this solution, or, if there is none, from the one before.
         """
-        if not self._weight:  # the parameters are not known before
+        if not self._weight:  # the weight depends on the parameters, which are known from the first call on
             self._weight = self._nlp.objective_weight(p)
         found = self._solver(x0=self._guess, lam_g0=self._duals, p=np.append(p, self._weight), **self._limits)
         stats = self._solver.stats()
