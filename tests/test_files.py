@@ -261,7 +261,7 @@ def test_a_broken_first_row_of_numbers_is_no_row_of_units(tmp_path: Path) -> Non
     with pytest.raises(UsageError, match="as a result") as caught:
         load(tmp_path / "m.csv")
     assert caught.value.code == "AC014"
-    assert "m.csv:2: time is 'O.0', no number" in caught.value.evidence[0]
+    assert "m.csv:2: time is 'O.0', not a number" in caught.value.evidence[0]
 
 
 def test_parquet_is_read_and_written_by_pandas(result: Result, tmp_path: Path) -> None:

@@ -203,11 +203,11 @@ def test_a_wrong_unit_is_refused(result: Result) -> None:
 
 
 def test_nothing_to_draw_is_refused(result: Result) -> None:
-    with pytest.raises(UsageError, match="no signal is named"):
+    with pytest.raises(UsageError, match="there is no signal to"):
         plot(result)
     with pytest.raises(UsageError, match="at least one panel"):
         figure(result, [])
-    with pytest.raises(UsageError, match="names no signal"):
+    with pytest.raises(UsageError, match="has no signal"):
         figure(result, [Panel(())])
 
 

@@ -60,7 +60,7 @@ def test_files(tmp_path: Path, suffix: str) -> None:
 
 
 def test_wrong_suffix_is_refused_before_anything_is_drawn(tmp_path: Path, compiled: CompiledModel) -> None:
-    with pytest.raises(UsageError, match="names no picture format"):
+    with pytest.raises(UsageError, match="is no picture format"):
         spy(compiled, tmp_path / "x.bmp")
 
 
@@ -69,4 +69,4 @@ def test_spy_from_the_command_line(tmp_path: Path) -> None:
     outcome = CliRunner().invoke(app, ["info", "Pendulum", "--stats", "--spy", str(file)])
     assert outcome.exit_code == 0
     assert file.stat().st_size > 2000
-    assert "States, and what spoke for them" in outcome.output
+    assert "States, and the reasons for their choice" in outcome.output

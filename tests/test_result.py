@@ -108,7 +108,7 @@ def test_unknown_name_names_the_nearest() -> None:
 
 @pytest.mark.parametrize("key", [0, ["mass.s"], None, slice(0, 1)])
 def test_what_is_no_name_is_refused(key: Any) -> None:
-    with pytest.raises(UsageError, match="is no name of a signal"):
+    with pytest.raises(UsageError, match="is not a name of a signal"):
         make()[key]
     assert key not in make()
 

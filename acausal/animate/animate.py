@@ -1,4 +1,4 @@
-"""`acausal.animate`: a model, or the result of one, as a moving scene."""
+"""`acausal.animate`: 3D animations of models and results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FORMATS = (".html", ".glb", ".gif")
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """A scene and what it was made from; `save` writes it."""
+    """A scene with its model and result; `save` writes it."""
 
     scene: Scene
     model: Component
@@ -65,24 +65,24 @@ def animate(
     poses: int = 2000,
     **options: Any,
 ) -> Animation:
-    """Make the moving scene of a run.
+    """Create the 3D animation of a run.
 
-    Every component of `multibody`, `contact` and `drilling` has a shape; the shapes of others, and other shapes of
-    these, come with `looks`: functions of a part that yield what to draw, by class.
+    Every component of `multibody`, `contact` and `drilling` has a shape. `looks` gives shapes to other components, or
+    other shapes to these: functions of a part that yield the shapes to draw, by class.
 
     Parameters
     ----------
     model
         A component.
     result
-        A result of it; None simulates it, with `options` of `acausal.simulate`, and records `poses` intervals.
+        A result of the model; None simulates it, with `options` of `acausal.simulate`, and records `poses` intervals.
     poses
-        Most poses to store of each body.
+        Maximum number of stored poses of each body.
 
     Raises
     ------
     UsageError
-        AC028 for a `model` that is no component, AC082 when the result is not of this model, AC083 when nothing in
+        AC028 for a `model` that is not a component, AC082 when the result is not of this model, AC083 when nothing in
         the model has a shape.
     """
     check_model(model)

@@ -23,7 +23,7 @@ _LINE_STRIP, _TRIANGLES = 3, 4
 
 @dataclass
 class _Buffer:
-    """Bytes, and the accessors and views into them; what is there already is not stored again."""
+    """Bytes, and the accessors and views into them; equal arrays are stored once."""
 
     gltf: Any
     kinds: Any
@@ -55,7 +55,7 @@ class _Buffer:
 
 
 def to_glb(scene: Scene) -> bytes:
-    """The bytes of a `.glb` file. Times count from the start of the run, in s: they are single numbers there.
+    """The bytes of a `.glb` file. Times [s] count from the start of the run, because glTF has them in single precision.
 
     Raises UsageError: AC084 when pygltflib is not installed.
     """
@@ -92,14 +92,14 @@ def to_glb(scene: Scene) -> bytes:
 
 
 def _animate(buffer: _Buffer, animation: Any, made: Any, number: int, time: int, node: Node) -> None:
-    """Poses of a node: constant ones belong to it, others are tracks."""
+    """Add the poses of a node: constant ones as attributes, others as tracks."""
     tracks = {
         "translation": (node.r, "VEC3"),
         "rotation": (_quaternions(node.R), "VEC4"),
         "scale": (node.scale, "VEC3"),
     }
     for path, (values, kind) in tracks.items():
-        # Single precision decides what is constant: that is what a viewer gets.
+        # decide in single precision what is constant, because a viewer gets no more
         if np.ptp(values.astype(np.float32), axis=0).max() == 0.0:
             setattr(made, path, values[0].tolist())
             continue
@@ -113,7 +113,7 @@ def _quaternions(R: Array) -> Array:
     """Unit quaternions (x, y, z, w) of rotations, shape (n, 3, 3) to (n, 4), neighbours on the same side."""
     from scipy.spatial.transform import Rotation
 
-    # Of a matrix that is a rotation but for the run's tolerance; a normalisation of it is one exactly.
+    # R is a rotation up to the tolerance of the run; scipy normalises it
     found = np.asarray(Rotation.from_matrix(R).as_quat())
     turned = np.cumprod(np.where(np.sum(found[1:] * found[:-1], axis=1) < 0.0, -1.0, 1.0))
     found[1:] *= turned[:, None]
@@ -122,7 +122,7 @@ def _quaternions(R: Array) -> Array:
 
 @dataclass
 class _Drawing:
-    """Meshes and materials, each once."""
+    """Meshes and materials, each stored once."""
 
     buffer: _Buffer
     materials: dict[tuple[str, float], int]

@@ -1,9 +1,9 @@
-"""How components look. Shapes are attached from outside of the physics.
+"""Looks: the shapes of components, defined separately from their physics.
 
-A look is a function of a `Part`, which knows the component, its path and its values in the result, and yields what is
-to be drawn. It belongs to a class and its subclasses. A package of components names the module of its looks,
-`__looks__ = "my_library.looks"`, which holds them as `LOOKS` by class (library/multibody/looks.py);
-`animate(..., looks={MyBody: my_look})` adds more, or replaces these.
+A look is a function of a `Part` (the component, its path and its values in the result) that yields the shapes to draw.
+It belongs to a class and its subclasses. A package of components names the module of its looks,
+`__looks__ = "my_library.looks"`, which has them as `LOOKS` by class (library/multibody/looks.py);
+`animate(..., looks={MyBody: my_look})` adds others, or replaces these.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ STEEL, BLUE, ORANGE, DARK, GREEN, RED, GROUND = (
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A mesh in the axes of what it hangs on, with its colour `#rrggbb` and how much of it lets light through."""
+    """A mesh in the axes of the frame to which it belongs, with its colour `#rrggbb` and its opacity."""
 
     mesh: Mesh
     color: str = STEEL
@@ -49,16 +49,16 @@ class Rigid:
     frame: str = "frame_a"
     trail: tuple[float, float, float] | None = None
     endless: bool = False
-    """Whether it has no extent of its own: the ground."""
+    """Whether it is unbounded, such as the ground, and does not count for the size of the scene."""
     symbol: bool = False
-    """Whether it only stands for something that has no shape; it is left out where something with a shape is."""
+    """Whether it only symbolises a component without a shape; it is omitted if a component with a shape is there."""
     name: str = ""
-    """What it is called behind the path of its component, when a component has several."""
+    """Suffix to the path of its component, if the component has several."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stretched:
-    """Pieces of length 1 along z that reach from one frame to another."""
+    """Pieces of length 1 along z that are stretched from one frame to another."""
 
     pieces: tuple[Piece, ...]
     frame_a: str = "frame_a"
@@ -67,14 +67,14 @@ class Stretched:
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """The force that a component puts on what is connected to a frame, on its line of action."""
+    """The force that a component exerts at a frame on its neighbour, drawn on its line of action."""
 
     frame: str
 
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """What a drill has left in a workpiece: as deep as its tip has ever been, seen from inside."""
+    """The hole of a drill in a workpiece, as deep as its tip has ever been, seen from inside."""
 
     frame: str
     diameter: float
@@ -87,7 +87,7 @@ Drawn = Rigid | Stretched | Arrow | Hole
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A component in its place, with what the result says about it; `size` is that of the scene [m]."""
+    """A component in the model, with its values in the result; `size` is that of the scene [m]."""
 
     component: Component
     owner: Component | None
@@ -100,12 +100,12 @@ class Part:
         return self.result.final(f"{self.path}.{name}" if self.path else name)
 
     def largest(self, name: str) -> float:
-        """The largest value over the run: a parameter of a contact that comes and goes is 0 while it is not there."""
+        """The largest value over the run: parameters of a contact that comes and goes are 0 in its absence."""
         return float(np.nanmax(self.result[f"{self.path}.{name}" if self.path else name]))
 
 
 class Up(NamedTuple):
-    """A direction that points up, in the model's axes, shape (3,); where several say so, the one that is `sure`."""
+    """A direction that points up, in the model's axes, shape (3,); of several, one that is `sure` has priority."""
 
     direction: Array
     sure: bool
@@ -116,7 +116,7 @@ Look = Callable[[Part], Iterable[Drawn]]
 
 @dataclass(frozen=True)
 class Looks:
-    """What a package says of its classes: how they look, and which way is up by them."""
+    """The looks of the classes of a package, and functions that return the upward direction, by class."""
 
     looks: Mapping[type[Component], Look]
     up: Mapping[type[Component], Callable[[Part], Up | None]]
@@ -124,7 +124,7 @@ class Looks:
 
 @cache
 def _looks_of(package: str) -> Looks:
-    """The module that a package, or the nearest one around it that says so, names in `__looks__`."""
+    """The looks in the module that `__looks__` names in a package, or in the nearest enclosing one that has it."""
     while package:
         named = getattr(sys.modules.get(package), "__looks__", None)
         if named is not None:
@@ -134,24 +134,24 @@ def _looks_of(package: str) -> Looks:
     return Looks({}, {})
 
 
-def _said_of(cls: type) -> Looks:
-    """What the package of a class says; modules that stand in no package say nothing."""
+def _looks_for(cls: type) -> Looks:
+    """The looks in the package of a class; empty for a module outside of packages."""
     return _looks_of(cls.__module__.rpartition(".")[0])
 
 
 def look_of(component: Component, more: Mapping[type[Component], Look]) -> Look | None:
-    """The look of the nearest class; None for what is not drawn."""
+    """The look of the nearest class; None for a component that is not drawn."""
     for cls in type(component).__mro__:
-        found = more.get(cls) or _said_of(cls).looks.get(cls)
+        found = more.get(cls) or _looks_for(cls).looks.get(cls)
         if found is not None:
             return found
     return None
 
 
 def up_of(part: Part) -> Up | None:
-    """Which way is up by a component; None for what does not know."""
+    """The upward direction by a component, or None."""
     for cls in type(part.component).__mro__:
-        found = _said_of(cls).up.get(cls)
+        found = _looks_for(cls).up.get(cls)
         if found is not None:
             return found(part)
     return None

@@ -37,7 +37,7 @@ def along(direction: ArrayLike) -> Array:
     e = np.asarray(direction, dtype=float)
     length = np.linalg.norm(e, axis=-1, keepdims=True)
     z = np.where(length > 0.0, e / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
-    # The axis that is farthest from the direction, one for all rows: the frame does not jump while it turns slowly.
+    # use the axis farthest from the direction, the same for all rows, so that a slowly turning frame does not jump
     least = np.argmin(np.abs(z).reshape(-1, 3).max(axis=0))
     x = np.cross(np.eye(3)[least], z)
     size = np.linalg.norm(x, axis=-1, keepdims=True)
@@ -57,7 +57,7 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def revolved(profile: Sequence[tuple[float, float]], smooth: bool = False) -> Mesh:
-    """The surface of a line of points (radius, z) turned about z; outside is on its right, going up.
+    """Surface of revolution of a line of points (radius, z) about z; its outer side is on the right, going up.
 
     `smooth` rounds the shading over the corners of the line.
     """
@@ -83,7 +83,7 @@ def revolved(profile: Sequence[tuple[float, float]], smooth: bool = False) -> Me
             normals.append(np.column_stack([across * round_, np.full(len(round_), up)]))
         a = start + np.arange(_AROUND)
         d = a + _AROUND + 1
-        # A point on the axis makes one of the two triangles nothing.
+        # for a point on the axis, one of the two triangles vanishes
         if points[k, 0] > 0.0:
             triangles.append(np.stack([a, a + 1, d + 1], axis=1))
         if points[k + 1, 0] > 0.0:
@@ -92,23 +92,23 @@ def revolved(profile: Sequence[tuple[float, float]], smooth: bool = False) -> Me
 
 
 def cylinder(radius: float, length: float, bore: float = 0.0) -> Mesh:
-    """From z = 0 to `length`, with a bore of radius `bore`."""
+    """A cylinder from z = 0 to `length`, with a bore of radius `bore`."""
     outside = [(bore, 0.0), (radius, 0.0), (radius, length), (bore, length)]
     return revolved([*outside, (bore, 0.0)] if bore > 0.0 else outside)
 
 
 def cone(radius: float, length: float) -> Mesh:
-    """Base at z = 0, tip at `length`."""
+    """A cone with its base at z = 0 and its tip at `length`."""
     return revolved([(0.0, 0.0), (radius, 0.0), (0.0, length)])
 
 
 def sphere(radius: float) -> Mesh:
-    """Around the origin."""
+    """A sphere around the origin."""
     return capsule(radius, 0.0)
 
 
 def capsule(radius: float, length: float) -> Mesh:
-    """A cylinder of `length` along z, around the origin, with half spheres at its ends."""
+    """A cylinder of `length` along z, around the origin, with hemispheres at its ends."""
     angle = np.linspace(-math.pi / 2, math.pi / 2, 18)
     r, z = radius * np.cos(angle), radius * np.sin(angle) + np.where(angle > 0.0, length / 2, -length / 2)
     r[[0, -1]] = 0.0
@@ -116,7 +116,7 @@ def capsule(radius: float, length: float) -> Mesh:
 
 
 def box(size: ArrayLike) -> Mesh:
-    """Around the origin."""
+    """A box with edges `size`, shape (3,), around the origin."""
     half = np.asarray(size, dtype=float) / 2
     positions: list[Array] = []
     normals: list[Array] = []
@@ -135,7 +135,7 @@ def box(size: ArrayLike) -> Mesh:
 
 
 def hull(points: ArrayLike) -> Mesh:
-    """The convex hull of points, flat faces."""
+    """The convex hull of points, shape (n, 3), with flat faces."""
     from scipy.spatial import ConvexHull
 
     given = np.asarray(points, dtype=float)
@@ -148,7 +148,7 @@ def hull(points: ArrayLike) -> Mesh:
 
 
 def arrow(radius: float, length: float = 1.0) -> Mesh:
-    """Along z from the origin."""
+    """An arrow along z from the origin."""
     neck = 0.8 * length
     return revolved([(0.0, 0.0), (radius, 0.0), (radius, neck), (2.2 * radius, neck), (0.0, length)])
 
@@ -158,14 +158,14 @@ def coil(radius: float, turns: int = 8) -> Mesh:
     steps = 16 * turns
     u = np.linspace(0.0, 1.0, steps + 1)
     angle = 2 * math.pi * turns * u
-    # Drawn in at its ends, where it hangs.
+    # narrow at its ends, where it is attached
     wide = radius * np.clip(np.minimum(u, 1.0 - u) / 0.08, 0.0, 1.0)
     line = np.column_stack([wide * np.cos(angle), wide * np.sin(angle), u])
     return tube(line, radius / 6)
 
 
 def tube(line: Array, radius: float, corners: int = 6) -> Mesh:
-    """Around a line of points [m], shape (n, 3), open at its ends."""
+    """A tube around a line of points [m], shape (n, 3), open at its ends."""
     tangent = np.gradient(line, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     frames = along(tangent)
@@ -183,7 +183,7 @@ def tube(line: Array, radius: float, corners: int = 6) -> Mesh:
 
 
 def drill(diameter: float, point_angle: float, length: float) -> tuple[Mesh, Mesh]:
-    """Body of a twist drill, its tip at the origin and its shank towards -z; and its two flutes, which show it turn."""
+    """(Body of a twist drill, tip at the origin, shank towards -z; its two flutes, which make its rotation visible)."""
     r = diameter / 2
     h = r / math.tan(point_angle / 2)
     body = revolved([(0.0, -length), (r, -length), (r, -h), (0.0, 0.0)])

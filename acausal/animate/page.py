@@ -1,4 +1,4 @@
-"""The page that shows a scene with its curves and a time slider."""
+"""HTML page that shows a scene with curves and a time slider."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BODY = """\
 document.querySelector("h1").textContent = document.title;
 </script>"""
 _TO_THREE = str.maketrans("", "", "[].:/")
-"""What three.js leaves out of the names of nodes (PropertyBinding.sanitizeNodeName)."""
+"""Characters that three.js removes from the names of nodes (PropertyBinding.sanitizeNodeName)."""
 
 
 def to_page(scene: Scene, glb: bytes, result: Result, panels: Sequence[Panel]) -> str:
@@ -58,7 +58,7 @@ def to_page(scene: Scene, glb: bytes, result: Result, panels: Sequence[Panel]) -
 
 
 def _controls(duration: float) -> str:
-    """Speeds to choose from, 1 s per s among them; what is shown first lasts between 4 and 20 s."""
+    """Script with the selectable speeds, 1 s per s among them; at the initial one the run takes between 4 and 20 s."""
     first = min(max(duration / 20, 1.0), duration / 4) if duration > 4 else duration / 4 if duration > 0 else 1.0
     exponent = math.floor(math.log10(first))
     chosen = min((m * 10.0**exponent for m in (1, 2, 5, 10)), key=lambda s: abs(s - first))
@@ -70,13 +70,13 @@ def _controls(duration: float) -> str:
 
 
 def _box(scene: Scene) -> tuple[Any, Any]:
-    """Corners of a box around all bodies and their ways, with +y up."""
+    """Corners of a box around all bodies and their paths, with +y up."""
     every = corners(worth_seeing(scene.nodes)) @ scene.upright.T
     return every.min(axis=0), every.max(axis=0)
 
 
 def _panel(result: Result, panel: Panel) -> dict[str, Any] | None:
-    """The curves of a panel of the model's figure; None for what is not over time, or not in the result."""
+    """The curves of a panel of the model's figure; None for a panel that is not over time or not in the result."""
     names = [n for n in panel.signals if n in result]
     if panel.against is not None or not names:
         return None

@@ -1,4 +1,4 @@
-"""A scene as a moving GIF, drawn by matplotlib: for places that show pictures only, and without a browser."""
+"""A scene as an animated GIF, drawn by matplotlib, for uses without a browser."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _PIXELS = 480
 
 
 def to_gif(scene: Scene) -> bytes:
-    """Sixty pictures over six seconds, whatever the length of the run."""
+    """The GIF: sixty pictures over six seconds, whatever the duration of the run."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from PIL import Image
@@ -65,13 +65,13 @@ def _limits(scene: Scene) -> tuple[Array, Array]:
     every = corners(worth_seeing(scene.nodes)) @ (_Z_UP @ scene.upright).T
     low, high = every.min(axis=0), every.max(axis=0)
     margin = 0.05 * scene.size
-    # A flat box has no view.
-    room = np.maximum(0.0, 0.2 * scene.size - (high - low)) / 2
-    return low - margin - room, high + margin + room
+    # a flat box could not be seen: give it some depth
+    padding = np.maximum(0.0, 0.2 * scene.size - (high - low)) / 2
+    return low - margin - padding, high + margin + padding
 
 
 def _draw(axes: Any, scene: Scene, row: int) -> None:
-    """All triangles in one collection, so that what is in front hides what is behind; lit by a lamp over the left."""
+    """Draw all triangles in one collection, so that those in front hide the others; lit from the upper left."""
     from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 

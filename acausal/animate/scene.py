@@ -1,4 +1,4 @@
-"""What moves in a result, and how: nodes with a pose per time, made from the looks of a model's components."""
+"""Scenes: the moving bodies of a result, as nodes with a pose per time, from the looks of the model's components."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from acausal.result.result import Result
 
 _QUARTER = math.radians(90.0)
 _FAR = 5.0
-"""How many times as large as what moves a scene may be and still be shown whole."""
+"""A scene is shown whole if it is at most this many times as large as its moving parts."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Pieces and their motion: places [m], shape (n, 3), rotations (n, 3, 3), scales (n, 3), all in the model's axes.
+    """Pieces and their motion: positions [m], shape (n, 3), rotations (n, 3, 3), scales (n, 3), in the model's axes.
 
-    `kind` is body, force or hole; `trail` holds the path of a point of it, shape (n, 3).
+    `kind` is body, force or hole; `trail` is the path of one of its points, shape (n, 3).
     """
 
     name: str
@@ -47,7 +47,7 @@ class Scene:
     """All nodes of a result over its times, shape (n,) in s.
 
     `upright` turns the model's axes so that up is +y, as glTF has it; `force_scale` is the length of an arrow per
-    force [m/N]; `notes` say what is not shown as it is.
+    force [m/N]; `notes` describe bodies that are not shown or shown incorrectly.
     """
 
     model: str
@@ -74,16 +74,16 @@ def scene_of(
         raise UsageError(
             "AC083",
             f"{type(model).__name__} has nothing to animate: none of its components has a shape",
-            help="components of acausal.library.multibody, contact and drilling have; give others one: looks={...}",
+            help="components of acausal.library.multibody, contact and drilling have shapes; others need looks={...}",
         )
     _check_is_of(model, found, drawn, shown, result)
     rows = _rows(result.time, poses)
     maker = _Maker(result, rows, looks or {})
-    # What has dimensions of its own, and where things move, say how large the scene is; the rest is in proportion.
+    # components with dimensions, and their motion, determine the size of the scene; others are drawn in proportion
     size = _extent(worth_seeing(maker.nodes(shown, 1e-6))) or 1.0
     nodes = _without_needless(maker.nodes(shown, size), size)
     missing = [i.path for i in drawn if i not in shown and not _may_be_missing(i)]
-    notes = [f"not in the result, and so not shown: {', '.join(missing[:5])}"] if missing else []
+    notes = [f"not in the result, and therefore not shown: {', '.join(missing[:5])}"] if missing else []
     notes += _too_fast(nodes)
     forces, scale = _scaled([n for n in nodes if n.kind == "force"], size)
     kept = (*(n for n in nodes if n.kind != "force"), *forces)
@@ -95,39 +95,39 @@ def scene_of(
 def _check_is_of(
     model: Component, found: Sequence[Instance], drawn: Sequence[Instance], shown: Sequence[Instance], result: Result
 ) -> None:
-    """Refuse a result that knows nothing of the model's bodies, or bodies that the model does not have (AC082)."""
+    """Refuse a result without the bodies of the model, or with bodies that the model does not have (AC082)."""
     known = {i.path for i in found}
     changing = tuple({name.partition("[")[0] + "[" for i in found for name in _lasting(i)})
     frames = [n.removesuffix(".r_0[0]") for n in result.names if n.endswith(".r_0[0]")]
     foreign = [f for f in frames if ".frame" in f and f not in known and not f.startswith(changing)]
-    # Contacts that never came about are not in a result, and what others look for around them, a world, is in many.
+    # contacts that never occurred are not in a result, and outer components (a world) are in many models
     around = tuple(o.cls for i in found for o in type(i.component)._outers.values())
     needed = [i for i in drawn if not _may_be_missing(i) and not isinstance(i.component, around)]
     if foreign or (needed and not any(i in shown for i in needed)):
         what = f"{foreign[0]} is not in the model" if foreign else f"it has no signals of {needed[0].path}"
         raise UsageError(
             "AC082",
-            f"the result of {result.model} is none of this {type(model).__name__}: {what}",
-            help="name the model it was made with: acausal animate RESULT --model MODEL, with its --set",
+            f"the result of {result.model} is not one of this {type(model).__name__}: {what}",
+            help="name the model of the result: acausal animate RESULT --model MODEL, with its --set",
         )
 
 
 def _is_recorded(instance: Instance, result: Result) -> bool:
-    """Whether the frames of a component are in the result; a scene has those of its bodies."""
+    """Whether the frames of a component are in the result."""
     frames = [p.path for p in instance.parts if f"{p.path}.r_0[0]" in result]
     own = {name for name, p in instance.component._prototypes.items() if hasattr(type(p), "r_0")}
     return bool(frames) and len({f.rpartition(".")[2] for f in frames} & own) == len(own)
 
 
 def _lasting(holder: Instance) -> dict[str, str]:
-    """Paths in the model of what comes and goes in a component, by the paths that results call it."""
+    """Paths in the model of the parts of a component that come and go, by their paths in results."""
     component = holder.component
     labels = component.whole().labels() if is_changing(component) else ()
     return {holder.prefix + kept: holder.prefix + own for own, kept in labels}
 
 
 def _named_to_last(found: Iterable[Instance], result: Result) -> list[Instance]:
-    """Contacts that come and go, as results call them: by the names of the two bodies, and the place of the contact."""
+    """Contacts that come and go, under their names in results: the two bodies, and the number of the contact."""
     known, made = {i.path: i for i in found}, []
     for holder in list(known.values()):
         own = _lasting(holder)
@@ -148,8 +148,8 @@ def _may_be_missing(instance: Instance) -> bool:
 
 
 def _rows(time: Array, poses: int) -> NDArray[np.intp]:
-    """Rows of a result that are shown: one per time, the values after an event, and not more than wanted."""
-    # Times that are one in single precision, as glTF has them, are one.
+    """Rows of a result to show, at most `poses`: one per time, at an event the one after it."""
+    # times that coincide in single precision, as in glTF, count as one
     single = (time - time[0]).astype(np.float32)
     last = np.flatnonzero(np.append(np.diff(single) > 0.0, True))
     if len(last) <= poses:
@@ -159,24 +159,24 @@ def _rows(time: Array, poses: int) -> NDArray[np.intp]:
 
 
 class _Maker:
-    """Turns what looks yield into nodes; poses of frames are read once."""
+    """Converts the shapes that looks yield into nodes; poses of frames are read once."""
 
     def __init__(self, result: Result, rows: NDArray[np.intp], looks: Mapping[type[Component], Look]) -> None:
         self.result, self.rows, self.looks = result, rows, looks
-        # Many are read: all at once cost less than one by one.
+        # compute all trajectories at once, because many are read
         assert len(result.matrix), "a result has rows"
         self._poses: dict[str, tuple[Array, Array]] = {}
 
     def nodes(self, shown: Iterable[Instance], size: float) -> list[Node]:
-        """All nodes; a component's first is called by its path."""
+        """All nodes; the first node of a component has its path as name."""
         made: list[Node] = []
         for instance in shown:
             owner = instance.owner.component if instance.owner is not None else None
             part = Part(instance.component, owner, instance.path, self.result, size)
             look = look_of(instance.component, self.looks)
-            assert look is not None, "only what has a look is shown"
+            assert look is not None, "only components with a look are shown"
             for drawn in look(part):
-                # A contact that never came about has no place.
+                # a contact that never occurred has no position
                 made += [n for n in self._node(part, drawn) if np.isfinite(n.r).all() and np.isfinite(n.R).all()]
         names: dict[str, int] = {}
         for k, node in enumerate(made):
@@ -210,12 +210,12 @@ class _Maker:
             yield from self._hole(part, prefix, drawn)
 
     def _arrow(self, part: Part, frame: str) -> Node:
-        """Cut forces are positive into the component: what it does to its neighbour is the opposite."""
+        """The force on the neighbour: cut forces act on the component, and therefore have the opposite sign."""
         r, R = self._pose(frame)
         f = np.nan_to_num(-np.einsum("nij,nj->ni", R, self.result[f"{frame}.f"][self.rows]))
         t = np.nan_to_num(-np.einsum("nij,nj->ni", R, self.result[f"{frame}.t"][self.rows]))
         square = np.sum(f * f, axis=1, keepdims=True)
-        # The point of the line of action that is nearest to the frame.
+        # the point of the line of action that is nearest to the frame
         r = r + np.cross(f, t) / np.where(square > 0.0, square, 1.0)
         force = np.sqrt(square[:, 0])
         scale = np.column_stack([np.ones((len(force), 2)), force])
@@ -223,7 +223,7 @@ class _Maker:
         return Node(f"{frame}.f", (piece,), r, meshes.along(f), scale, kind="force")
 
     def _hole(self, part: Part, prefix: str, hole: Hole) -> Iterator[Node]:
-        """The cone of the point and the cylinder behind it, as deep as the tip has been so far."""
+        """The cone of the drill point and the cylinder behind it, as deep as the tip has been so far."""
         s = np.nan_to_num(self.result[f"{prefix}s"][self.rows])
         tip, axis = (_held(self.result[f"{prefix}geometry.{name}"][self.rows]) for name in ("tip", "axis"))
         if s.max() <= 0.0:
@@ -238,7 +238,7 @@ class _Maker:
         tiny = 1e-6 * hole.diameter
         straight = np.clip(depth - h, 0.0, hole.thickness)
         wide = np.minimum(depth, h) / h
-        wide = np.where(depth - h >= hole.thickness, 0.0, wide)  # all the way through: no point is left
+        wide = np.where(depth - h >= hole.thickness, 0.0, wide)  # a through hole has no cone
         begin = r_w + R_w @ entry
         wall = meshes.cylinder(radius, 1.0).inside_out()
         along = np.einsum("nij,j->ni", R_w, e)
@@ -253,7 +253,7 @@ class _Maker:
 
 
 def _held(values: Array) -> Array:
-    """With the last values before where there are none: a contact that is not there has no frame."""
+    """Values with gaps filled by the last value before: a contact that does not exist has no frame."""
     known = np.isfinite(values).reshape(len(values), -1).all(axis=1)
     if known.all() or not known.any():
         return values
@@ -262,7 +262,7 @@ def _held(values: Array) -> Array:
 
 
 def _without_needless(nodes: list[Node], size: float) -> list[Node]:
-    """Symbols lose their pieces where something with a shape of its own moves with them, and keep their pose."""
+    """Remove the pieces of symbols that move with a component with a shape; they keep their pose."""
     solid = [n.r for n in nodes if n.kind == "body" and not n.symbol and not n.endless and np.all(n.scale == 1.0)]
     solid = [r for r in solid if np.ptp(r, axis=0).max() > 0.0]
 
@@ -273,7 +273,7 @@ def _without_needless(nodes: list[Node], size: float) -> list[Node]:
 
 
 def corners(nodes: Iterable[Node]) -> Array:
-    """Two opposite corners of everything but the ground, forces and holes, at all times, shape (n, 3) [m]."""
+    """Opposite corners of all bodies except unbounded ones, at all times, shape (n, 3) [m]."""
     found = [np.zeros((0, 3))]
     for node in nodes:
         if node.kind == "body" and node.pieces and not node.endless:
@@ -286,7 +286,7 @@ def corners(nodes: Iterable[Node]) -> Array:
 
 
 def worth_seeing(nodes: Iterable[Node]) -> list[Node]:
-    """What a first view shows: everything, or what moves when that is a small part of it."""
+    """Nodes of the initial view: all, or only moving ones if these are a small part of the scene."""
     every = list(nodes)
     moving = [n for n in every if max(np.ptp(n.r, axis=0).max(), np.ptp(n.R, axis=0).max()) > 0.0]
     narrow = _extent(moving)
@@ -294,14 +294,14 @@ def worth_seeing(nodes: Iterable[Node]) -> list[Node]:
 
 
 def _extent(nodes: Iterable[Node]) -> float:
-    """Diagonal of the box around everything [m]; 0 for what is smaller than a point."""
+    """Diagonal of the box around all bodies [m]; 0 below 0.01 mm."""
     every = corners(nodes)
     size = float(np.linalg.norm(every.max(axis=0) - every.min(axis=0)))
     return size if size > 1e-5 else 0.0
 
 
 def _scaled(forces: list[Node], size: float) -> tuple[list[Node], float]:
-    """Arrows as long as their forces say, 19 of 20 of them within a quarter of the scene; and the length per force."""
+    """(Arrows as long as their forces demand, 95 % of them below a quarter of the scene; length per force [m/N])."""
     loads = np.concatenate([n.scale[:, 2] for n in forces]) if forces else np.zeros(0)
     loads = loads[loads > 0.0]
     if not loads.size:
@@ -316,7 +316,7 @@ def _with_length(node: Node, length: Array, size: float) -> Node:
 
 
 def _too_fast(nodes: Iterable[Node]) -> list[str]:
-    """A note on bodies that turn so fast that two poses do not tell in which direction."""
+    """A note on bodies that turn so fast that two poses do not show the direction."""
     for node in nodes:
         if node.kind == "body" and len(node.R) > 1 and np.all(node.scale == 1.0):
             cosine = (np.einsum("nij,nij->n", node.R[1:], node.R[:-1]) - 1.0) / 2.0
@@ -330,14 +330,14 @@ def _too_fast(nodes: Iterable[Node]) -> list[str]:
 
 
 def _upright(found: Iterable[Instance], result: Result, size: float) -> Array:
-    """A rotation that brings up to +y: against gravity, else against the feed of a drill."""
-    told = [up_of(Part(i.component, None, i.path, result, size)) for i in found]
-    known = sorted((up for up in told if up is not None), key=lambda up: not up.sure)
+    """A rotation that turns the upward direction to +y: against gravity, else against the feed of a drill."""
+    directions = [up_of(Part(i.component, None, i.path, result, size)) for i in found]
+    known = sorted((up for up in directions if up is not None), key=lambda up: not up.sure)
     return _turned_up(known[0].direction) if known else np.eye(3)
 
 
 def _turned_up(up: Array) -> Array:
-    """The least rotation that brings `up` to +y."""
+    """The smallest rotation that turns `up` to +y."""
     e = up / np.linalg.norm(up)
     y = np.array([0.0, 1.0, 0.0])
     v, c = np.cross(e, y), float(e @ y)

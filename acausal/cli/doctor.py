@@ -1,4 +1,4 @@
-"""`acausal doctor`: does everything that acausal stands on work here."""
+"""`acausal doctor`: check of the installation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _EXTRAS = {"pandas": "Result.to_pandas", "xarray": "Result.to_xarray"}
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report; `status` is "ok", "missing" (does without) or "broken"."""
+    """One line of the report; `status` is "ok", "missing" (optional) or "broken"."""
 
     name: str
     status: str
@@ -57,7 +57,7 @@ def doctor(as_json: options.Json = False, quiet: options.Quiet = False) -> None:
 def _print(findings: list[Finding]) -> None:
     color = {"ok": typer.colors.GREEN, "missing": typer.colors.YELLOW, "broken": typer.colors.RED}
     for f in findings:
-        # typer leaves the colours out where stdout is no terminal.
+        # typer omits colours if stdout is not a terminal
         typer.echo(f"{typer.style(f.status.ljust(8), fg=color[f.status])} {f.name.ljust(22)} {f.detail}")
 
 
@@ -69,16 +69,16 @@ def _findings() -> Iterator[Finding]:
     yield from _solvers()
     yield from _native()
     for package, use in _EXTRAS.items():
-        there = importlib.util.find_spec(package) is not None
+        exists = importlib.util.find_spec(package) is not None
         yield Finding(
-            package, "ok" if there else "missing", f"for {use}" + ("" if there else f"; pip install {package}")
+            package, "ok" if exists else "missing", f"for {use}" + ("" if exists else f"; pip install {package}")
         )
 
 
 def _tried(name: str, check: Callable[[], str]) -> Finding:
     try:
         return Finding(name, "ok", check())
-    except Exception as error:  # whatever it is, the report goes on
+    except Exception as error:  # continue the report after any error
         return Finding(name, "broken", f"{type(error).__name__}: {error}".split("\n")[0])
 
 
@@ -90,7 +90,7 @@ def _version(package: str) -> str:
 
 
 def _solvers() -> Iterator[Finding]:
-    """Every solver on one compiled oscillator: a plugin that loads and computes nonsense would be found too."""
+    """Every solver on one compiled oscillator, so that a plugin that loads but computes wrong values is found, too."""
     try:
         from acausal.lower.compile import compile
         from acausal.simulate.solvers import SOLVERS
@@ -107,7 +107,7 @@ def _solvers() -> Iterator[Finding]:
 
 
 def _native() -> Iterator[Finding]:
-    """The C compiler, and the folder in which compiled models are kept."""
+    """The C compiler, and the folder of compiled models."""
     try:
         from acausal.simulate.native import cache
     except Exception as error:
@@ -122,18 +122,18 @@ def _native() -> Iterator[Finding]:
     else:
         yield Finding("C compiler", "broken", f"{compiler} fails, models run interpreted: {failure}".split("\n")[0])
     folder = cache.folder()
-    kept = [f for f in folder.glob("*") if f.is_file()] if folder.is_dir() else []
-    size = sum(f.stat().st_size for f in kept) / 1e6
-    holds = f"{len(kept)} files, {size:.1f} MB" if kept else "empty"
-    there = next(p for p in (folder, *folder.parents) if p.exists())
-    if os.access(there, os.W_OK):
-        yield Finding("compiled models", "ok", f"{folder}: {holds}")
+    files = [f for f in folder.glob("*") if f.is_file()] if folder.is_dir() else []
+    size = sum(f.stat().st_size for f in files) / 1e6
+    content = f"{len(files)} files, {size:.1f} MB" if files else "empty"
+    existing = next(p for p in (folder, *folder.parents) if p.exists())
+    if os.access(existing, os.W_OK):
+        yield Finding("compiled models", "ok", f"{folder}: {content}")
     else:
-        yield Finding("compiled models", "missing", f"{folder}: not writable; nothing is kept")
+        yield Finding("compiled models", "missing", f"{folder}: not writable; compiled models are not stored")
 
 
 def _run(compiled: CompiledModel, solver: str, step: float | None) -> str:
-    """The damped oscillator over half a second against its closed form."""
+    """Compare the damped oscillator with its closed form over half a second."""
     from acausal.simulate.run import simulate
 
     began = time.perf_counter()
@@ -141,6 +141,6 @@ def _run(compiled: CompiledModel, solver: str, step: float | None) -> str:
     t, z, w = float(result.time[-1]), 0.5, math.sqrt(100.0 - 0.25)
     exact = 0.1 * math.exp(-z * t) * (math.cos(w * t) + z / w * math.sin(w * t))
     error = abs(float(result.final("mass.s")) - exact)
-    if not error <= 1e-5:  # nan too
+    if not error <= 1e-5:  # also for nan
         raise RuntimeError(f"the oscillator is off by {error:.2g} m")
     return f"oscillator within {error:.1g} m of its closed form, {1e3 * (time.perf_counter() - began):.0f} ms"

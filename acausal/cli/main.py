@@ -1,6 +1,6 @@
 """The command `acausal`: one verb per file of the folders beside this one.
 
-Nothing heavy is imported here or at the top of a verb, so that help and errors come at once.
+Heavy packages are not imported here or at the top of a verb, so that help and errors appear at once.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class _Verbs(TyperGroup):
     """The group of verbs: it turns every exception into a message and an exit code."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        # `acausal check M --debug` is what people type after `acausal check M` has failed.
-        own = args[: args.index("--")] if "--" in args else args
-        ctx.meta["json"] = "--json" in own
-        if "--debug" in own[1:]:
-            args = ["--debug", *[a for a in own if a != "--debug"], *args[len(own) :]]
+        # accept --debug anywhere: after `acausal check M` has failed, people type `acausal check M --debug`
+        options = args[: args.index("--")] if "--" in args else args
+        ctx.meta["json"] = "--json" in options
+        if "--debug" in options[1:]:
+            args = ["--debug", *[a for a in options if a != "--debug"], *args[len(options) :]]
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -58,17 +58,17 @@ class _Verbs(TyperGroup):
             show_error(interruption(stop))
             raise typer.Exit(interrupted_code(stop)) from None
         except (RuntimeError, OSError) as error:
-            # typer's own: Exit and Abort are RuntimeErrors, a closed pipe is no defect.
+            # pass these on: typer's Exit and Abort are RuntimeErrors, and a closed pipe is not a defect
             if isinstance(error, typer.Exit | typer.Abort | BrokenPipeError):
                 raise
             raise _ended(error, ctx) from error
         except Exception as error:
-            # of the option parser, whatever package typer takes it from
-            said = getattr(error, "format_message", None)
-            if said is not None and hasattr(error, "exit_code"):
+            # an error of the option parser, whichever package provides typer's
+            message = getattr(error, "format_message", None)
+            if message is not None and hasattr(error, "exit_code"):
                 if ctx.meta.get("json"):
                     path = getattr(getattr(error, "ctx", None), "command_path", "acausal")
-                    record_error(UsageError("AC019", said().rstrip("."), help=f"{path} --help"))
+                    record_error(UsageError("AC019", message().rstrip("."), help=f"{path} --help"))
                 raise
             raise _ended(error, ctx) from error
 

@@ -1,4 +1,4 @@
-"""`acausal.diagram`: a model's connections as a picture."""
+"""`acausal.diagram`: connection diagrams of models."""
 
 from __future__ import annotations
 
@@ -78,9 +78,9 @@ def diagram(model: Component, *, depth: int = 1, opened: Sequence[str] = ()) -> 
                 help=f"blocks with parts: {', '.join(sorted(composites)[:12]) or 'none'}",
             )
     shown = [path for path, level in composites.items() if level < depth or path in opened]
-    # An open block shows nothing while one around it is closed.
-    around = {path[:k] for path in opened for k, letter in enumerate(path) if letter == "."}
-    return Diagram(graph, tuple(p for p in composites if p in shown or p in around))
+    # an open block is visible only if the blocks around it are open
+    enclosing = {path[:k] for path in opened for k, letter in enumerate(path) if letter == "."}
+    return Diagram(graph, tuple(p for p in composites if p in shown or p in enclosing))
 
 
 def _composites(graph: Graph, level: int) -> Iterator[tuple[str, int]]:
@@ -90,7 +90,7 @@ def _composites(graph: Graph, level: int) -> Iterator[tuple[str, int]]:
             yield from _composites(block, level + 1)
 
 
-# ELK asks for a worker of its own; without one it works at once, when there is something that waits.
+# ELK expects a web worker; without one it runs synchronously, given a setTimeout.
 _SHIMS = """
 var global = this, module = {exports: {}}, exports = module.exports;
 var setTimeout = function (call) { call(); };
@@ -121,7 +121,7 @@ def to_svg(graph: Graph, opened: list[str]) -> str:
 
 @cache
 def _engine() -> Any:
-    """An interpreter that has read ELK, which takes a second, and the drawing."""
+    """A JavaScript interpreter with ELK, which takes a second to load, and the drawing functions."""
     try:
         import dukpy
     except ImportError as error:

@@ -25,9 +25,9 @@ _LONGEST = 24
 
 
 def graph_of(model: Component) -> Graph:
-    """The graph of a model with all it is composed of.
+    """The graph of a model with all its parts.
 
-    Raises AcausalError: what is wrong with the composition itself: ends that are no part of the model, missing outer
+    Raises AcausalError: for faults of the composition itself: connected ends outside the model, missing outer
     components.
     """
     composition = compose(model)
@@ -59,7 +59,7 @@ def _block(
 
 
 def _ports(instance: Instance, connected: set[tuple[str, str]]) -> Iterator[Graph]:
-    """Connectors of a component, and those of its signals that are connected with something."""
+    """Connectors of a component, and those of its signals that are connected."""
     component, special = instance.component, sides_of(instance.component)
     single = sum(isinstance(p.component, Connector) for p in instance.parts) == 1
     for p in instance.parts:
@@ -67,7 +67,7 @@ def _ports(instance: Instance, connected: set[tuple[str, str]]) -> Iterator[Grap
             name = p.path.removeprefix(instance.prefix)
             side = special.get(name) or _side(name, single)
             if side in "NS" and (instance.path, name) not in connected and instance.owner is not None:
-                continue  # optional, as the drive of a joint is
+                continue  # optional, such as the drive of a joint
             yield {"name": name, "side": side, "domain": domain(p.component), "direction": ""}
     for name, d in component._declarations.items():
         if d.kind in (Kind.INPUT, Kind.OUTPUT) and (instance.path, name) in connected:
@@ -77,7 +77,7 @@ def _ports(instance: Instance, connected: set[tuple[str, str]]) -> Iterator[Grap
 
 
 def _side(name: str, single: bool) -> str:
-    """Where a connector is by the names of Modelica: a is left, b right; a second word or a number decides nothing."""
+    """Side of a connector from its Modelica name: `..._a` is left, `..._b` right; an index does not matter."""
     known = _SIDES.get(name)
     if known is not None:
         return known
@@ -90,7 +90,7 @@ def _side(name: str, single: bool) -> str:
 
 
 def domain(connector: Connector) -> str:
-    """The library of a connector's class, for its colour."""
+    """The library of the connector's class, which determines its colour."""
     for cls in type(connector).__mro__:
         if family_of(cls) in _FAMILIES:
             return family_of(cls)
@@ -108,7 +108,7 @@ def _signal(d: Declaration) -> str:
 
 
 def _values(component: Component) -> list[str]:
-    """What was given where the component was made: `c = 100 N/m`."""
+    """Texts of the parameters that were given to the component: `c = 100 N/m`."""
     shown = []
     for name, d in component._declarations.items():
         if d.kind is Kind.PARAMETER and name in component.__dict__["_given"]:
@@ -127,7 +127,7 @@ def _number(value: object) -> str:
 
 
 def _edges(composition: Composition, by: int, connection: Connection) -> Iterator[Graph]:
-    """A connection as lines between two ends: a star around one of them."""
+    """A connection as lines between pairs of ends: a star around one of them."""
     ends = [_end(composition, end) for end in connection.ends]
     if isinstance(connection.ends[0], Expr):
         declarations = [signal_of(e).declaration for e in connection.ends if isinstance(e, Expr)]
@@ -168,7 +168,7 @@ def _end(composition: Composition, end: Connector | Expr) -> tuple[int, str]:
 
 
 def _facing(composition: Composition, by: int, owner: int, name: str) -> str:
-    """The side from which a line leaves a connector: inside of its own composite it is the opposite one."""
+    """The side from which a line leaves a connector: inside its own composite it is the opposite one."""
     instance = composition.found[owner]
     single = sum(isinstance(p.component, Connector) for p in instance.parts) == 1
     side = sides_of(instance.component).get(name) or _side(name, single)
@@ -176,12 +176,12 @@ def _facing(composition: Composition, by: int, owner: int, name: str) -> str:
 
 
 def _rank(side: str) -> int:
-    """Lines run from left to right: from an eastern connector to a western one."""
+    """Rank of a side: lines run from left to right, from an eastern connector to a western one."""
     return {"E": 0, "N": 1, "S": 1, "W": 2}[side]
 
 
 def _hub(sides: list[str]) -> int:
-    """The end that the others are drawn to: the only one on its side of the flow, else the first."""
+    """Index of the end at the centre of the star: the only one on its side, else the first."""
     for side in ("E", "W"):
         if sides.count(side) == 1 and len(sides) > 2:
             return sides.index(side)

@@ -1,8 +1,8 @@
-"""Symbols of components, and where their connectors are.
+"""Symbols of components, and positions of their connectors.
 
-`symbols.json` holds SVG in a field of 60 x 40, connectors at the middle of its sides. Keys are `family.Class`, else
-`Class` for all families of the library; a subclass without a symbol has that of its base. Lines have the colour of the
-domain (`currentColor`); classes of the style sheet in `diagram.js`: f filled, b a body in the colour of the paper, w a
+`symbols.json` contains SVG in a field of 60 x 40, with connectors at the middle of its sides. Keys are `family.Class`,
+or `Class` for all families of the library; a subclass without a symbol has that of its base. Lines have the colour of
+the domain (`currentColor`). Classes of the style sheet in `diagram.js`: f filled, b body in the colour of the paper, w
 thick line, a thin axes, d dashed, t text.
 """
 
@@ -14,9 +14,9 @@ from importlib.resources import files
 
 from acausal.language.component import Component
 
-# Connectors that are not where their names say, by class as above: W, E, N or S.
+# Sides (W, E, N, S) of connectors that differ from those of their names; keys as above.
 SIDES: dict[str, dict[str, str]] = {
-    # A source drives the circuit to its right: what flows out at p comes back at n.
+    # a source drives the circuit to its right: the current leaves at p and returns at n
     "PartialVoltageSource": {"p": "E", "n": "W"},
     "PartialCurrentSource": {"p": "W", "n": "E"},
     "electrical.Ground": {"p": "N"},
@@ -29,7 +29,7 @@ SIDES: dict[str, dict[str, str]] = {
 
 
 def family_of(cls: type) -> str:
-    """Library that a class belongs to: electrical, ...; "" for what is not in the library."""
+    """Library of a class: electrical, ...; "" for a class outside the library."""
     module = cls.__module__
     return module.split(".")[2] if module.startswith("acausal.library.") else ""
 
@@ -51,7 +51,7 @@ def symbol_of(component: type[Component]) -> str | None:
 
 
 def sides_of(component: Component) -> dict[str, str]:
-    """Sides of connectors by name, where a class says so."""
+    """Sides of connectors by name, as far as `SIDES` has the class."""
     for cls in type(component).__mro__:
         found = SIDES.get(f"{family_of(cls)}.{cls.__name__}") or SIDES.get(cls.__name__)
         if found:

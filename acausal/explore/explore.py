@@ -1,4 +1,4 @@
-"""`acausal.explore`: results in one page, with everything that is in them."""
+"""`acausal.explore`: an HTML page to explore results, with all their signals."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ _BODY = """\
 
 @dataclass(frozen=True, eq=False)
 class Explorer:
-    """Results with the names they are shown by, and the signals that are shown first."""
+    """Results with their names in the page, and the signals that are shown initially."""
 
     results: tuple[Result, ...]
     labels: tuple[str, ...]
     signals: tuple[str, ...]
 
     def html(self) -> str:
-        """The page: less than 100 kB and the results, in double precision."""
+        """The page: less than 100 kB plus the results, in double precision."""
         data = {
             "results": [_described(r, label) for r, label in zip(_in_one_unit(self.results), self.labels, strict=True)],
             "selected": list(self.signals),
@@ -64,35 +64,35 @@ class Explorer:
 
 
 def check_page_file(path: Path) -> Path:
-    """The path itself; UsageError AC013 when it is no `.html` file."""
+    """The path itself; UsageError AC013 if it is not a `.html` file."""
     check_suffix(path, (".html",), "format of a page")
     return path
 
 
 def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str] = ()) -> Explorer:
-    """Make a page to look at results in a browser.
+    """Create a page to explore results in a browser.
 
     Parameters
     ----------
     results
         One or several, of one model or of several.
     labels
-        Names of the results in the page; those of their models unless given.
+        Names of the results in the page; by default those of their models.
     signals
-        What is shown first; signals of the figure of the model can be chosen in the page.
+        Signals that are shown initially; others can be selected in the page.
 
     Raises
     ------
     UsageError
-        AC010 for a signal that none of the results has, AC085 without a result, for what is none, or with another
-        number of labels.
+        AC010 for a signal that no result has, AC085 without a result, for an argument that is not a result, or with a
+        different number of labels.
     """
     if not results or (labels and len(labels) != len(results)):
         given = f"{len(results)} results and {len(labels)} labels"
         raise UsageError("AC085", f"{given} cannot be shown", help="acausal.explore(result), or one label per result")
     for result in results:
         if not isinstance(result, Result):
-            raise UsageError("AC085", f"{result!r} is no result", help="acausal.explore(acausal.simulate(model))")
+            raise UsageError("AC085", f"{result!r} is not a result", help="acausal.explore(acausal.simulate(model))")
     shown: list[str] = []
     for name in signals:
         holder = next((r for r in results if name in r), results[0])
@@ -105,7 +105,7 @@ def explore(*results: Result, labels: Sequence[str] = (), signals: Sequence[str]
 
 
 def _in_one_unit(results: Sequence[Result]) -> list[Result]:
-    """The results with every signal in the first unit that it has in any: measurements in mm stand on those in m."""
+    """The results with each signal in the first unit that it has in any of them, so that mm and m coincide."""
     units: dict[str, str] = {}
     for result in results:
         for name, signal in result.signals.items():
@@ -127,7 +127,7 @@ def _in_one_unit(results: Sequence[Result]) -> list[Result]:
 
 
 def _described(result: Result, label: str) -> dict[str, Any]:
-    """A result as the page reads it: columns one behind the other, deflated, aliases by column and sign."""
+    """A result in the format of the page: concatenated columns, compressed, with aliases as column and sign."""
     columns = np.ascontiguousarray(result.matrix.T, dtype="<f8")
     return {
         "label": label,
@@ -143,12 +143,12 @@ def _described(result: Result, label: str) -> dict[str, Any]:
 
 
 def _plain(value: float) -> float | None:
-    """JSON has no nan and no infinity."""
+    """The value, or None for nan and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None
 
 
 def _jumps(result: Result) -> list[list[Any]]:
-    """Times at which a file has two rows: it does not say what happened there."""
+    """Events of a file that does not record them: times of two rows."""
     return [[float(t), "", ""] for t in np.unique(result.time[1:][np.diff(result.time) == 0.0])]
 
 
@@ -182,18 +182,18 @@ _COMMON = (
 
 @cache
 def choices(declared: str) -> tuple[tuple[str, float, float], ...]:
-    """Units with the slope and the offset by which declared values are shown in them; the declared one first."""
-    own = (declared, 1.0, 0.0)
+    """Units in which values can be shown, with slope and offset of the conversion; the declared unit comes first."""
+    unchanged = (declared, 1.0, 0.0)
     if not declared or declared == "1":
-        return (own,)
+        return (unchanged,)
     try:
         dimension = parse(declared).dimension
     except UnitError:
-        return (own,)  # files of other programs may hold any text
-    # Turns and radians, torque and work have one dimension: what the unit itself stands among comes first. Per cents
-    # are no angles, and 1/h is no angular velocity.
+        return (unchanged,)  # files of other programs may have any text here
+    # hertz and rad/s, torque and work have the same dimension: prefer the row that has the declared unit itself;
+    # percentages are not angles, and 1/h is not an angular velocity
     alike = [units for units in _COMMON if is_angular(units[0]) == is_angular(declared)]
     fitting = [units for units in alike if parse(units[0]).dimension == dimension]
     found = next((units for units in fitting if declared in units), fitting[0] if fitting else ())
     scales = [to_unit(declared, unit) for unit in found if unit != declared]
-    return own, *((s.unit, s.slope, s.offset) for s in scales)
+    return unchanged, *((s.unit, s.slope, s.offset) for s in scales)

@@ -1,1 +1,1 @@
-"""What notebooks show."""
+"""Displays of models and results in notebooks."""

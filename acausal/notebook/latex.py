@@ -1,4 +1,4 @@
-"""Equations as they are typeset, from their text: `v == R * i` becomes `v = R\\,i`."""
+"""LaTeX of equations, from their text: `v == R * i` becomes `v = R\\,i`."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _COMPARED: dict[type[ast.cmpop], str] = {
     ast.Gt: ">",
     ast.GtE: r"\geq",
 }
-# Beyond this many characters a formula is harder to read than the source.
+# A longer formula would be harder to read than the source.
 LONGEST = 300
 _FUNCTIONS = {"sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "min", "max"}
 _RENAMED = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "minimum": "min", "maximum": "max"}
-# How tightly an operator binds; what binds less goes into brackets. A derivative at the end of a product is open: a
-# factor behind it would be differentiated too.
+# Precedence of operators; operands of lower precedence go into brackets. A derivative at the end of a product is
+# "open": a factor after it would be differentiated, too.
 _TERNARY, _COMPARISON, _OR, _AND, _SUM, _OPEN, _PRODUCT, _SIGN, _POWER, _ATOM = range(10)
 
 
 def latex(text: str) -> str | None:
-    """An equation, a `when` or an expression in LaTeX; None for what is none (assertions, connections, long texts).
+    """An equation, a `when` or an expression in LaTeX; None for other texts (assertions, connections) and long ones.
 
-    `text`: Python, as equations print themselves and stand in sources.
+    `text`: Python, as in sources and in printed equations.
     """
     if len(text) > LONGEST:
         return None
@@ -41,14 +41,14 @@ def latex(text: str) -> str | None:
 
 
 class _Untypeset(Exception):
-    """Raised for what has no form in a formula."""
+    """Raised for code that has no form in a formula."""
 
 
 def _equation(tree: ast.expr) -> str:
-    """An equation at the top: its sign of equality is no comparison of values."""
+    """An equation at the top level: its equality sign is not a comparison of values."""
     if isinstance(tree, ast.Compare) and len(tree.ops) == 1:
         value, binding = _written(tree.comparators[0])
-        # Branches at the end need no brackets, their brace is one.
+        # cases at the end need no brackets besides their brace
         right = value if binding == _TERNARY else _at(tree.comparators[0], _SUM)
         return f"{_at(tree.left, _SUM)} {_COMPARED[type(tree.ops[0])]} {right}"
     if isinstance(tree, ast.Call) and _called(tree) == "reset":
@@ -58,7 +58,7 @@ def _equation(tree: ast.expr) -> str:
 
 
 def _when(tree: ast.expr) -> str:
-    """`when(condition, a, b)`; what has further branches stays text."""
+    """LaTeX of `when(condition, a, b)`; one with further branches remains text."""
     if not isinstance(tree, ast.Call) or not isinstance(tree.func, ast.Name) or tree.keywords:
         raise _Untypeset
     condition, *body = tree.args
@@ -66,24 +66,24 @@ def _when(tree: ast.expr) -> str:
 
 
 def _at(tree: ast.expr, context: int) -> str:
-    """An expression in surroundings that bind as tightly as `context`."""
+    """An expression in a context of this precedence, in brackets if its own is lower."""
     text, binding = _written(tree)
     return text if binding >= context else rf"\left({text}\right)"
 
 
 def _beside(tree: ast.expr, context: int) -> str:
-    """The same behind another sign, where a sign of its own goes into brackets."""
+    """The same after another sign: an expression that starts with a sign goes into brackets."""
     text = _at(tree, context)
     return rf"\left({text}\right)" if text.startswith("-") else text
 
 
 def _factor(tree: ast.expr) -> tuple[str, int]:
-    """The last factor of a product, or what stands behind a sign, and how tightly what ends with it binds."""
+    """(LaTeX of the last factor of a product or the operand of a sign, precedence of the expression that it ends)."""
     return _beside(tree, _OPEN), _OPEN if _written(tree)[1] == _OPEN else _PRODUCT
 
 
 def _written(tree: ast.expr) -> tuple[str, int]:
-    """LaTeX of an expression and how tightly it holds together."""
+    """(LaTeX of an expression, its precedence)."""
     match tree:
         case ast.Constant(value=bool() | int() | float() as value):
             return _number(value), _ATOM
@@ -118,7 +118,7 @@ def _binary(tree: ast.BinOp) -> tuple[str, int]:
         case ast.Sub():
             return f"{_at(left, _SUM)} - {_beside(right, _OPEN)}", _SUM
         case ast.Mult():
-            # Two numbers beside each other would be another one.
+            # two adjacent numbers would read as one
             second, binding = _factor(right)
             sign = r" \cdot " if second[:1].isdigit() else r"\,"
             return f"{_at(left, _PRODUCT)}{sign}{second}", binding
@@ -129,7 +129,7 @@ def _binary(tree: ast.BinOp) -> tuple[str, int]:
             return rf"\frac{{{_written(left)[0]}}}{{{_written(right)[0]}}}", _PRODUCT
         case ast.Pow():
             base, binding = _written(left)
-            # A fraction, a root or a power below a power reads as another one without brackets.
+            # a fraction, a root or a power as a base needs brackets
             closed = base if binding == _ATOM and "^" not in base else rf"\left({base}\right)"
             return f"{closed}^{{{_written(right)[0]}}}", _POWER
         case ast.BitAnd():
@@ -170,7 +170,7 @@ def _call(tree: ast.Call) -> tuple[str, int]:
         return _cases(branches, other)
     if name in ("cross", "dot") and len(tree.args) == 2:
         sign = r"\times" if name == "cross" else r"\cdot"
-        # a factor behind it would be one of the second vector
+        # a factor after it would belong to the second vector
         return rf"{_at(tree.args[0], _ATOM)} {sign} {_at(tree.args[1], _ATOM)}", _OPEN
     name = _RENAMED.get(name, name)
     shown = rf"\{name}" if name in _FUNCTIONS or name.startswith("arc") else rf"\mathrm{{{_plain(name)}}}"
@@ -199,7 +199,7 @@ def _number(value: bool | int | float) -> str:
 
 
 def _name(tree: ast.expr) -> str:
-    """A path, `p.v`: each of its names with what follows the first underscore as an index."""
+    """A path such as `p.v`: of each name, the part after the first underscore becomes an index."""
     match tree:
         case ast.Name(id=name):
             return _symbol(name)
@@ -222,7 +222,7 @@ def _name(tree: ast.expr) -> str:
 def _symbol(name: str) -> str:
     head, _, index = name.strip("_").partition("_")
     head = head or name
-    # x1 and u2 are numbered; so are k_c11 and r_0, by their index.
+    # the number of x1 and u2 becomes an index, unless the name has one, as k_c11
     numbered = re.fullmatch(r"([A-Za-z]+?)(\d+)", head)
     if numbered and not index:
         head, index = numbered[1], numbered[2]

@@ -1,6 +1,6 @@
-"""What a notebook shows of a model, a compiled model and a result: HTML without scripts or styles from elsewhere.
+"""HTML of a model, a compiled model and a result for notebooks, without external scripts or styles.
 
-It knows them by their attributes alone: each of them loads this module when it is shown.
+Their classes are not imported here, because they load this module when they are shown.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from acausal.flatten.instances.composition import stated_equations
 from acausal.notebook.latex import latex
 from acausal.result.signals import Array
 
-# Rows of a table before the rest is counted, and the points and size of a sparkline.
-_MOST = 40
+# Maximum number of rows of a table, and the points and size of a sparkline.
+_MOST_ROWS = 40
 _POINTS = 120
 _WIDTH, _HEIGHT = 120, 22
 
 
 def result_html(result: Any) -> str:
-    """Signals that move, each with its range, its last value and a sparkline; then events and notes."""
+    """Table of the signals that vary, with range, last value and sparkline; then the notes."""
     moving = [s for s in result.signals.values() if s.column is not None]
     rows = []
-    for signal in moving[:_MOST]:
+    for signal in moving[:_MOST_ROWS]:
         values = np.asarray(result[signal.name])
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
@@ -40,18 +40,18 @@ def result_html(result: Any) -> str:
             )
         )
     head = ("signal", "unit", "min", "max", "end", "", "meaning")
-    said = [str(n) for n in result.stats.get("notes", ())]
+    notes = [str(n) for n in result.stats.get("notes", ())]
     return "".join(
         (
             _title(result.model, repr(result).partition(": ")[2].removesuffix(")")),
             _table(head, rows, len(moving)),
-            *(f"<p>note: {escape(n)}</p>" for n in said),
+            *(f"<p>note: {escape(n)}</p>" for n in notes),
         )
     )
 
 
 def component_html(component: Any) -> str:
-    """Parameters, connectors, signals and parts of a component as it stands."""
+    """Table of the parameters, connectors, signals and parts of a component."""
     cls = type(component)
     values = component.__dict__["_values"]
     kinds = {name: str(kind) for base in cls.__mro__ for name, kind in getattr(base, "__annotations__", {}).items()}
@@ -68,14 +68,13 @@ def component_html(component: Any) -> str:
 
 
 def _equations(component: Any) -> str:
-    """What the component states itself, typeset by MathJax; what is no formula as text."""
-
+    """Table of the component's own equations, typeset by MathJax, or as text if they are not formulas."""
     try:
         stated = [(text, when) for text, message, when in stated_equations(component) if not message]
     except AcausalError:
-        return ""  # it will be said where the component is used
+        return ""  # the error is raised when the component is used
     shown = []
-    for text, when in stated[:_MOST]:
+    for text, when in stated[:_MOST_ROWS]:
         formula = latex(text)
         cell = f"<div class='math notranslate'>\\({escape(formula)}\\)</div>" if formula else _code(_short(text))
         shown.append((cell, escape(when)))
@@ -112,8 +111,8 @@ def _short(value: Any) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], count: int) -> str:
-    """A table of cells that are HTML already, at most `_MOST` of `count` rows."""
-    shown = list(rows)[:_MOST]
+    """A table of cells that are HTML already, at most `_MOST_ROWS` of `count` rows."""
+    shown = list(rows)[:_MOST_ROWS]
     if not shown:
         return ""
     cells = "".join(f"<th style='text-align:left'>{escape(h)}</th>" for h in head)
@@ -125,16 +124,16 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]], count: int) -> st
 
 
 def _sparkline(time: Array, values: Array) -> str:
-    """The course of a signal as an SVG of one line; extremes survive, whatever the number of points."""
-    there = np.isfinite(values)
-    if there.sum() < 2:
+    """A signal over time as an SVG polyline, which keeps extremes whatever the number of points."""
+    is_finite = np.isfinite(values)
+    if is_finite.sum() < 2:
         return ""
-    t, x = time[there], values[there]
-    edges = np.array_split(np.arange(len(t)), min(len(t), _POINTS))
-    places = np.unique([k for part in edges for k in (part[np.argmin(x[part])], part[np.argmax(x[part])])])
+    t, x = time[is_finite], values[is_finite]
+    parts = np.array_split(np.arange(len(t)), min(len(t), _POINTS))
+    rows = np.unique([k for part in parts for k in (part[np.argmin(x[part])], part[np.argmax(x[part])])])
     span, height = float(np.ptp(t)) or 1.0, float(np.ptp(x)) or 1.0
-    across = 1.0 + (_WIDTH - 2.0) * (t[places] - t[0]) / span
-    down = _HEIGHT - 2.0 - (_HEIGHT - 4.0) * (x[places] - x.min()) / height
+    across = 1.0 + (_WIDTH - 2.0) * (t[rows] - t[0]) / span
+    down = _HEIGHT - 2.0 - (_HEIGHT - 4.0) * (x[rows] - x.min()) / height
     points = " ".join(f"{a:.1f},{d:.1f}" for a, d in zip(across, down, strict=True))
     return (
         f"<svg width='{_WIDTH}' height='{_HEIGHT}' role='img' aria-label='course over time'>"

@@ -31,7 +31,7 @@ def compared(first: Result, second: Result, names: Sequence[str], file: str | Pa
     """
     check_picture(file)
     if not names:
-        raise UsageError("AC016", "no signal is named to compare")
+        raise UsageError("AC016", "there is no signal to compare")
     with matplotlib.rc_context(STYLE):
         drawing = Drawing(figsize=(max(7.4, 4.6 * len(names)), 5.4), layout="constrained")
         axes = drawing.subplots(2, len(names), sharex="col", squeeze=False, height_ratios=(2.2, 1.0))
@@ -46,7 +46,7 @@ def _draw(first: Result, second: Result, name: str, upper: Axes, lower: Axes) ->
     unit = first.unit(name) or second.unit(name)
     convert = same_unit(first.unit(name), second.unit(name))
     x, y = first[name], convert(second[name])
-    # at an event the values behind it, as `at` gives them
+    # at an event use the values after it, as `at` does
     last = np.append(np.diff(first.time) > 0.0, True)
     inside = last & (first.time >= second.time[0]) & (first.time <= second.time[-1])
     times = first.time[inside]

@@ -58,12 +58,12 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.hashsalt": "acausal",
 }
-# Signals of one unit whose magnitudes differ by more than this get panels of their own.
+# Signals of one unit whose magnitudes differ by more than this factor get separate panels.
 _SPREAD = 1e3
 # Characters that fit along the vertical axis, and above a panel of 7.4 inches.
 _LABEL_WIDTH = 26
 _PANEL_WIDTH = 80
-# Beyond this many, lines of events hide what they should explain.
+# A larger number of event lines would hide the curves.
 _MOST_EVENTS = 60
 
 
@@ -128,12 +128,13 @@ def plot(
     names
         Signals; an array draws one line per element.
     also
-        Another result or several, or results by the name they get in the legend: the same signals of them, as far as
-        they have them, in the same panels and units. The first is called by its model.
+        Another result or several, or results by their names in the legend: their signals of the same names are drawn in
+        the same panels and units. The name of the first result is that of its model.
     together
-        One panel for all, with a second vertical axis for a second unit; plain numbers share the first.
+        Whether to draw all signals in one panel, with a second vertical axis for a second unit; dimensionless signals
+        share the first axis.
     xlabel
-        Text below the horizontal axis instead of the chosen one.
+        Text below the horizontal axis instead of the default one.
     file
         `.png` (150 dpi), `.svg` or `.pdf` to write.
     title
@@ -144,10 +145,10 @@ def plot(
     Raises
     ------
     UsageError
-        AC010 for an unknown signal, AC012 and AC013 for the file, AC016 for nothing to draw or too many units.
+        AC010 for an unknown signal, AC012 and AC013 for the file, AC016 without signals or for too many units.
     """
     if not names:
-        raise UsageError("AC016", "no signal is named to plot", help="result.names lists all signals")
+        raise UsageError("AC016", "there is no signal to plot", help="result.names lists all signals")
     panels = [Panel(names)] if together else _by_unit(result, names)
     panels = [Panel(p.signals, against=against) for p in panels]
     return figure(result, panels, file=file, title=title, xlabel=xlabel, also=also)
@@ -170,7 +171,7 @@ def figure(
     content = [_groups(results, panel) for panel in panels]
     columns = 1 if len(panels) <= 5 else 2
     rows = -(-len(panels) // columns)
-    # Panels against the same signal scroll and zoom together and share the labels below, so they have one unit too.
+    # panels against the same signal scroll and zoom together and share the labels below, and therefore the unit
     shared = len({panel.against for panel in panels}) == 1
     clocks = [
         _horizontal_scale(results, panel, content if shared else [groups])
@@ -202,8 +203,8 @@ def show(drawing: Figure) -> None:
     from matplotlib import pyplot
 
     if matplotlib.get_backend().lower() in ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template"):
-        raise UsageError("AC017", "there is no display to show a figure on", help='write it: plot(..., file="x.png")')
-    # Only pyplot can open a window of the chosen toolkit: move the figure into that of an empty one.
+        raise UsageError("AC017", "there is no display for a figure", help='write it: plot(..., file="x.png")')
+    # only pyplot can open a window of the chosen toolkit: move the figure into the window of an empty one
     manager = pyplot.figure(figsize=drawing.get_size_inches()).canvas.manager
     if manager is not None:
         manager.canvas.figure = drawing
@@ -217,9 +218,9 @@ def _by_unit(result: Result, names: Sequence[str]) -> list[Panel]:
     for name in names:
         unit, size = result.unit(name), _magnitude(result[name])
         for i, (known, low, high, members) in enumerate(panels):
-            # A signal that is zero throughout fits anywhere.
-            wide = size > 0.0 and high > 0.0 and max(high, size) > _SPREAD * min(low, size)
-            if known == unit and not wide:
+            # a signal that is always zero fits anywhere
+            is_too_wide = size > 0.0 and high > 0.0 and max(high, size) > _SPREAD * min(low, size)
+            if known == unit and not is_too_wide:
                 sizes = [x for x in (low, high, size) if x > 0.0] or [0.0]
                 panels[i] = (unit, min(sizes), max(sizes), [*members, name])
                 break
@@ -244,15 +245,16 @@ def _labelled(result: Result, also: Also) -> tuple[tuple[str, Result], ...]:
 
 
 def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]:
-    """The lines of a panel by dimension, scaled; the first group goes left, the second right.
+    """The lines of a panel by dimension, scaled; the first group is on the left axis, the second on the right one.
 
-    Signals of one dimension share a scale. A plain number shares that of the quantity beside it, read in its SI unit as
-    in an equation: on an axis of its own, a set point without a unit would not coincide with the value that tracks it.
+    Signals of one dimension share a scale. A dimensionless signal shares the scale of the quantity beside it, read in
+    its SI unit as in an equation: on an axis of its own, a set point without a unit would not coincide with the value
+    that tracks it.
     """
     result = results[0][1]
     signals = [signal for name in panel.signals for signal in result.elements(name)[1]]
     if not signals:
-        raise UsageError("AC016", f"the panel '{panel.title}' names no signal")
+        raise UsageError("AC016", f"the panel '{panel.title}' has no signal")
     units = [signal.unit for signal in signals if not _is_plain(signal)] or [signals[0].unit]
     kinds = list(dict.fromkeys(map(_kind, units)))
     lines: dict[tuple[Dimension, bool] | str, list[Signal]] = {kind: [] for kind in kinds}
@@ -264,7 +266,7 @@ def _groups(results: Sequence[tuple[str, Result]], panel: Panel) -> list[_Group]
             "AC016",
             f"one panel cannot show {len(lines)} units",
             evidence=[f"{m[0].unit or '1'}  {', '.join(s.name for s in m)}" for m in lines.values()],
-            help="a panel has two vertical axes; give the other signals a panel of their own",
+            help="a panel has two vertical axes; draw the other signals in another panel",
         )
     return [_scaled_group(results, panel, members) for members in lines.values()]
 
@@ -276,8 +278,8 @@ def _is_plain(signal: Signal) -> bool:
 def _kind(unit: str) -> tuple[Dimension, bool] | str:
     """Key of signals that share a scale: the dimension of the unit, or its name if unknown (files of other programs).
 
-    Hz and rad/s are kept apart although they have the same dimension: on one scale 50 Hz would look six times slower
-    than the 314 rad/s that it is.
+    Hz and rad/s have separate scales although they have the same dimension: on one scale, 50 Hz would appear six times
+    slower than the equal 314 rad/s.
     """
     try:
         return parse(unit).dimension, "Hz" in unit
@@ -310,7 +312,7 @@ def _horizontal(results: Sequence[tuple[str, Result]], panel: Panel) -> Signal:
     """The signal on the horizontal axis, in the unit of the first result that has one."""
     shape, (signal, *_) = results[0][1].elements(panel.against or "time")
     if shape:
-        raise UsageError("AC016", f"'{panel.against}' is an array, one of its elements fits on the horizontal axis")
+        raise UsageError("AC016", f"'{panel.against}' is an array: name one of its elements for the horizontal axis")
     units = (result.unit(signal.name) for _, result in results if signal.name in result)
     return replace(signal, unit=next((unit for unit in units if unit), ""))
 
@@ -322,10 +324,10 @@ def _horizontal_scale(results: Sequence[tuple[str, Result]], panel: Panel, conte
 
 
 def _values(result: Result, signal: Signal, declared: str) -> Array:
-    """Values in the unit of the scale, shape (n,); a result without units is read in those of the first."""
-    own = result.elements(signal.name)[1][0]
-    own = own if own.unit else signal
-    return result[signal.name] if own.unit == declared else _converted(own, declared)(result[signal.name])
+    """Values in the unit of the scale, shape (n,); a result without units is assumed to have those of the first."""
+    source = result.elements(signal.name)[1][0]
+    source = source if source.unit else signal
+    return result[signal.name] if source.unit == declared else _converted(source, declared)(result[signal.name])
 
 
 def _converted(signal: Signal, declared: str) -> Scale:
@@ -345,7 +347,7 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
         for line in group.lines:
             beside = " [1]" if _is_plain(line.signal) and group.scale.label else " (right)" if k else ""
             color = COLORS[len(handles) % len(COLORS)]
-            # One line style per result; the next one when colours repeat.
+            # one line style per result; the next one when colours repeat
             style = STYLES[(line.source + (len(handles) >= len(COLORS))) % len(STYLES)]
             handles += side.plot(scale(line.abscissas), line.values, ls=style, color=color, label=line.label + beside)
         side.set_ylabel(group.label)
@@ -359,12 +361,12 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
             ax.vlines(times, 0, 1, transform=ax.get_xaxis_transform(), color="0.55", lw=0.7, ls=(0, (4, 3)), zorder=0.9)
     if panel.title:
         ax.set_title(panel.title, loc="left")
-    # Outside the axes a legend covers no curve: above where it fits, else at the right.
+    # place the legend outside the axes, where it covers no curve: above if it fits, else at the right
     if len(panel.title) + sum(len(str(h.get_label())) + 6 for h in handles) <= _PANEL_WIDTH:
-        place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(handles)}
+        position: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": len(handles)}
     else:
-        place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "bbox_transform": _right_of(side)}
-    ax.legend(handles=handles, borderaxespad=0.2, columnspacing=1.4, **place)
+        position = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "bbox_transform": _right_of(side)}
+    ax.legend(handles=handles, borderaxespad=0.2, columnspacing=1.4, **position)
     text = horizontal.doc.rstrip(".") or horizontal.name
     return f"{text} {scale.label}".strip()
 
@@ -378,7 +380,7 @@ def _right_of(side: Axes) -> Transform:
 
 
 def _widen_constant(ax: Axes, values: Sequence[Array]) -> None:
-    """Widen the axis where all values agree to rounding: a tight axis would magnify the rounding errors."""
+    """Widen the axis if all values are equal up to rounding errors, which a tight axis would magnify."""
     finite = np.concatenate([v[np.isfinite(v)] for v in values])
     if not finite.size:
         return
@@ -390,13 +392,13 @@ def _widen_constant(ax: Axes, values: Sequence[Array]) -> None:
 
 
 def check_picture(file: str | Path | None) -> None:
-    """Raise UsageError AC013 for a file that is no picture, before anything is drawn."""
+    """Raise UsageError AC013 for a file that is not a picture, before anything is drawn."""
     if file is not None:
         check_suffix(Path(file), FORMATS, "picture format")
 
 
 def _as_written(drawing: Figure) -> None:
-    """Show texts as they are where dollar signs enclose what is no formula."""
+    """Show texts unchanged if their dollar signs do not enclose a formula."""
     parser = MathTextParser("path")
     for text in drawing.findobj(Text):
         if isinstance(text, Text) and "$" in text.get_text():
@@ -412,7 +414,7 @@ def save(drawing: Figure, file: str | Path | None) -> None:
     if file is None:
         return
     suffix = Path(file).suffix.lower()
-    # Leave out the date, so that equal figures give equal files.
+    # leave out the date, so that equal figures give equal files
     metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(suffix, {})
     with atomic(Path(file)) as stream:
         drawing.savefig(stream, format=suffix[1:], dpi=150, metadata=metadata)

@@ -13,7 +13,7 @@ from acausal.units import convert
 _LEADING = re.compile(r"(?P<unit>Ohm|Pa|Hz|Wb|N|W|J|V|A|F|H|C|S|T|m|s)(?P<power>[23]?)(?=$|[./])")
 _PREFIXES = {-12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 _LARGEST = {"s": 0, "m": 3}
-# Stresses and specific forces of machining are read in N/mm2.
+# Stresses and specific cutting forces are usually given in N/mm2.
 _STRESS = "N/m2"
 
 
@@ -22,7 +22,7 @@ _RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u20
 
 @dataclass(frozen=True)
 class Scale:
-    """A unit to show values in: shown = slope * declared + offset."""
+    """A unit in which values are shown: shown = slope * declared + offset."""
 
     unit: str
     slope: float = 1.0
@@ -34,10 +34,10 @@ class Scale:
 
     @property
     def label(self) -> str:
-        """The unit in brackets as it stands on an axis; empty for a dimensionless quantity."""
+        """The unit in brackets for the label of an axis; empty for a dimensionless quantity."""
         if self.unit in ("", "1"):
             return ""
-        # no mathtext: matplotlib looks a line break beside it up in a font, and says that it is missing
+        # avoid mathtext: beside it, matplotlib looks up a line break in the font, and warns that it is missing
         text = re.sub(r"(?<=[A-Za-z)])(-?\d+)", lambda m: m[1].translate(_RAISED), self.unit)
         text = re.sub(r"\bu(?=Ohm|Pa|Hz|Wb|[NWJVAFHCSTms])", "\u00b5", text)
         return f"[{text.replace('.', '·').replace('Ohm', 'Ω')}]"
@@ -53,7 +53,7 @@ def to_unit(declared: str, shown: str) -> Scale:
 
 
 def same_unit(unit: str, other: str) -> Scale:
-    """The conversion of values in the unit `other` to `unit`; a file that does not know its units has the other's.
+    """The conversion of values in the unit `other` to `unit`; none if either is unknown.
 
     Raises UnitError: AC151 for units that do not fit.
     """
@@ -63,8 +63,8 @@ def same_unit(unit: str, other: str) -> Scale:
 def readable(declared: str, magnitude: float) -> Scale:
     """The declared unit with the prefix that brings the largest magnitude to 1 .. 1000.
 
-    0.1 .. 1 stays without prefix too: 0.5 m reads better than 500 mm. A unit that has a prefix already was chosen by
-    the model's author and stays.
+    From 0.1 to 1 no prefix is added either: 0.5 m reads better than 500 mm. A unit that already has a prefix was chosen
+    by the author of the model and is kept.
     """
     if declared == _STRESS and 1e5 <= magnitude < math.inf:
         return Scale("N/mm2", 1e-6)

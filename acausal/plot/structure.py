@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from acausal.lower.compiled import CompiledModel
 from acausal.plot.plot import Drawing, check_picture, save
 
-# Okabe and Ito's palette, as for curves; one-by-one blocks are the rule and stay grey.
+# Okabe and Ito's palette, as for curves; explicit blocks, the most common ones, are grey.
 _COLOR = {"explicit": "0.25", "linear": "#0072B2", "torn": "#D55E00", "dae": "#CC79A7"}
 _MEANING = {
     "explicit": "solved one by one",
@@ -40,7 +40,7 @@ class Pattern:
     # `row_place`, `column_place`: shape (size,), position of each equation and unknown in the solving order.
     row_place: NDArray[np.int64]
     column_place: NDArray[np.int64]
-    blocks: tuple[tuple[int, int, str], ...]  # (first place, size, kind) of every block
+    blocks: tuple[tuple[int, int, str], ...]  # (first position, size, kind) of every block
 
     @property
     def size(self) -> int:
@@ -79,7 +79,7 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
     Raises UsageError: AC012 and AC013 for the file.
 
     `file`: `.png` (150 dpi), `.svg` or `.pdf` to write.
-    `title`: Text above the figure; the model's name by default.
+    `title`: text above the figure; the name of the model by default.
     """
     check_picture(file)
     incidence = pattern(compiled)
@@ -104,7 +104,7 @@ def spy(compiled: CompiledModel, file: str | Path | None = None, title: str | No
 def _panel(ax: Axes, rows: NDArray[np.int64], columns: NDArray[np.int64], size: int) -> None:
     """Draw entries as squares of the size of a cell, but never too small to be seen."""
     cell = _POINTS / max(size, 1)
-    # Rasterised, because an SVG of a large model would be huge.
+    # rasterise large models, whose SVG would be huge
     ax.plot(columns, rows, "s", color="0.25", ms=float(np.clip(0.86 * cell, 0.7, 9.0)), mew=0, rasterized=size > 300)
     ax.set_xlim(-0.5, max(size, 1) - 0.5)
     ax.set_ylim(max(size, 1) - 0.5, -0.5)

@@ -30,13 +30,13 @@ class Sheet:
     """The text of a file, split into header and rows."""
 
     path: Path
-    header: tuple[str, ...]  # the first row as it stands
+    header: tuple[str, ...]  # the cells of the first row, unchanged
     # `names`, `units`: of every column; "" for a column without a unit.
     names: tuple[str, ...]
     units: tuple[str, ...]
     clock: int  # index of the column of times
     lines: tuple[tuple[int, str], ...]  # (line number, text) of every row of numbers
-    # `delimiter`, `decimal`: what separates cells, and the decimal sign.
+    # `delimiter`, `decimal`: the character between cells, and the decimal sign.
     delimiter: str
     decimal: str
 
@@ -46,22 +46,22 @@ class Sheet:
         cells = [[cell.strip().replace(self.decimal, ".") for cell in row] for row in table]
         return list(zip((k for k, _ in self.lines), cells, strict=False))
 
-    def numbers(self, rows: Sequence[tuple[int, list[str]]], places: Sequence[int]) -> Array:
-        """Some columns of some rows as numbers, without conversion of units; shape (len(rows), len(places)).
+    def numbers(self, rows: Sequence[tuple[int, list[str]]], columns: Sequence[int]) -> Array:
+        """Columns of these rows as numbers, without conversion of units; shape (len(rows), len(columns)).
 
-        Raises UsageError: AC045, with the line, for a cell that is no number.
+        Raises UsageError: AC045, with the line, for a cell that is not a number.
         """
-        values = np.empty((len(rows), len(places)))
+        values = np.empty((len(rows), len(columns)))
         for i, (line, row) in enumerate(rows):
-            for j, k in enumerate(places):
+            for j, k in enumerate(columns):
                 try:
                     values[i, j] = float(row[k])
                 except (ValueError, IndexError):
                     what = repr(row[k]) if k < len(row) else "missing"
                     raise UsageError(
                         "AC045",
-                        f"{self.path}:{line}: {self.header[k]} is {what}, no number",
-                        help="leave out rows without a value; units stand in the first row: force [N]",
+                        f"{self.path}:{line}: {self.header[k]} is {what}, not a number",
+                        help="leave out rows without a value; units belong in the first row: force [N]",
                     ) from None
         return values
 
@@ -74,7 +74,7 @@ class Sheet:
 
 
 def read_sheet(path: Path) -> Sheet:
-    """Read a file up to the end of its header.
+    """Read a file, and split its header.
 
     Raises UsageError: AC014 for a file that cannot be read, AC045 for one without two rows, or without a column of
     times.
@@ -98,17 +98,17 @@ def read_sheet(path: Path) -> Sheet:
             evidence=[f"its columns: {', '.join(header[:8])}"],
             help="name one `time` or `time [s]`, in the first row",
         )
-    above = 1
+    header_rows = 1
     if _are_units(second, len(header), clock):
-        units, above = tuple(below or beside for below, beside in zip(second, units, strict=True)), 2
-    if len(lines) <= above:
+        units, header_rows = tuple(below or beside for below, beside in zip(second, units, strict=True)), 2
+    if len(lines) <= header_rows:
         raise UsageError("AC045", f"{path} has no row of numbers", help="a row of names, then one row per instant")
-    decimal = _decimal_sign(path, sign, lines[above:])
-    return Sheet(path, tuple(header), names, units, clock, tuple(lines[above:]), sign, decimal)
+    decimal = _decimal_sign(path, sign, lines[header_rows:])
+    return Sheet(path, tuple(header), names, units, clock, tuple(lines[header_rows:]), sign, decimal)
 
 
 def _decimal_sign(path: Path, delimiter: str, lines: Sequence[tuple[int, str]]) -> str:
-    """The sign that some cell has; UsageError AC045 where cells have both, of which one might part thousands."""
+    """The decimal sign of the cells; UsageError AC045 if they have both, one of which might separate thousands."""
     if delimiter == ",":
         return "."
     first = {sign: next((k for k, line in lines if sign in line), None) for sign in ".,"}
@@ -116,7 +116,7 @@ def _decimal_sign(path: Path, delimiter: str, lines: Sequence[tuple[int, str]]) 
         raise UsageError(
             "AC045",
             f"{path} has decimal points, as in line {first['.']}, and commas, as in line {first[',']}",
-            help="write numbers without signs between thousands, and with one decimal sign",
+            help="write numbers without separators of thousands, and with one decimal sign",
         )
     return "," if first["."] is None else "."
 
@@ -128,13 +128,13 @@ def named(text: str) -> tuple[str, str]:
 
 
 def clock_among(names: Sequence[str]) -> int | None:
-    """Index of the column of times: `time`, in capitals or not, else `t`. A column `T` is a temperature."""
+    """Index of the column of times: `time` in any case, else `t`. A column `T` is a temperature."""
     lower = [name.lower() for name in names]
     return lower.index("time") if "time" in lower else names.index("t") if "t" in names else None
 
 
 def _are_units(cells: Sequence[str], count: int, clock: int) -> bool:
-    """Whether a row holds units: none of its cells is a number but the unit 1, and that of the time is one of time."""
+    """Whether a row consists of units: no cell is a number except the unit 1, and that of times is a unit of time."""
     if len(cells) != count or any(_is_number(cell) for cell in cells if cell != "1"):
         return False
     try:
@@ -152,20 +152,20 @@ def _is_number(text: str) -> bool:
 
 
 def read_csv(path: Path) -> Table:
-    """Read a table of numbers over time, ours or of another program.
+    """Read a table of numbers over time, written by acausal or by another program.
 
     Raises UsageError: AC014 and AC045, as `read_sheet` and `Sheet.numbers`.
     """
     sheet = read_sheet(path)
     if len(set(sheet.names)) < len(sheet.names):
         twice = next(n for n in sheet.names if sheet.names.count(n) > 1)
-        raise UsageError("AC045", f"{path} has two columns '{twice}'", help="give each a name of its own")
+        raise UsageError("AC045", f"{path} has two columns '{twice}'", help="give each its own name")
     texts = (line.replace(sheet.decimal, ".") for _, line in sheet.lines)
     data: Array | None = None
     with suppress(ValueError):
         data = np.loadtxt(texts, delimiter=sheet.delimiter, ndmin=2)
     if data is None or data.shape[1] != len(sheet.names):
-        # numpy does not tell the line of a bad cell: read again cell by cell, which raises with the place.
+        # numpy does not report the line of a bad cell: read again cell by cell for an error with the line
         rows = sheet.rows()
         for line, row in rows:
             if len(row) != len(sheet.names):
@@ -189,7 +189,7 @@ def write_csv(table: Table, file: BinaryIO, units: bool = False) -> None:
         writer.writerow(["s", *(s.unit for s in table.signals.values())])
     file.write(header.getvalue().encode())
     n = len(table.time)
-    # Formatting dominates the cost, so a column is formatted once for all its aliases.
+    # formatting dominates the cost: format a column once for all its aliases
     formatted: dict[tuple[int, int], list[str]] = {}
     columns = [[repr(t) for t in table.time.tolist()]]
     for signal in table.signals.values():

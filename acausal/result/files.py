@@ -60,12 +60,12 @@ def read(path: Path) -> Table:
         evidence = [error.fact, *error.evidence]
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=evidence, help=error.help) from error
     except Exception as error:
-        # scipy, numpy and zipfile raise a dozen unrelated classes of errors for bytes that are no result.
+        # scipy, numpy and zipfile raise a dozen unrelated classes of errors for invalid data
         raise UsageError("AC014", f"cannot read {path} as a result", evidence=[str(error) or "empty file"]) from error
 
 
 def _check_times(time: Array) -> None:
-    """Raise ValueError for rows that are not in the order of time, and for times that are not finite."""
+    """Raise ValueError for times that decrease or are not finite."""
     broken = np.flatnonzero(~np.isfinite(time))
     if broken.size:
         raise ValueError(f"the time of row {broken[0] + 1} is {time[broken[0]]:g}")
@@ -82,7 +82,7 @@ def check_suffix(path: Path, accepted: Collection[str], what: str) -> str:
     suffix = path.suffix.lower()
     if suffix not in accepted:
         raise UsageError(
-            "AC013", f"the suffix '{path.suffix}' of {path} names no {what}", help=f"accepted are {', '.join(accepted)}"
+            "AC013", f"the suffix '{path.suffix}' of {path} is no {what}", help=f"accepted are {', '.join(accepted)}"
         )
     return suffix
 
@@ -106,7 +106,7 @@ class atomic:
         try:
             if self._target.is_dir():
                 raise IsADirectoryError(0, "it is a directory")
-            # os.replace needs a writable folder only; respect the protection of the file itself too.
+            # os.replace needs only a writable folder; respect the protection of the file itself, too
             if self._target.exists() and not os.access(self._target, os.W_OK):
                 raise PermissionError(0, "the file is write-protected")
             self._file = self._part.open("xb")
@@ -152,7 +152,7 @@ def write_npz(table: Table, file: BinaryIO) -> None:
 
 def read_npz(path: Path) -> Table:
     """Read what `write_npz` wrote."""
-    # numpy leaves a broken archive open when it opens it itself.
+    # open the file here: if numpy opens a broken archive itself, it leaves it open
     with path.open("rb") as file, np.load(file, allow_pickle=False) as content:
         rest = json.loads(str(content["rest"]))
         texts = zip(content["names"].tolist(), content["units"].tolist(), content["docs"].tolist(), strict=True)

@@ -34,7 +34,7 @@ _UNIT = re.compile(r"(?P<doc>.*?) ?\[(?P<unit>[^][|]*)(?:\|[^][]*)?\]", re.DOTAL
 _DIGITS = 16
 _CHECKSUM = re.compile(rb"(Time, checksum )([0-9a-f]{16})")
 # Fragments of a damaged checksum; other programs write "Time in [s]" or "Simulation time" here.
-_REMAINS = re.compile(r"Time, ch|ecksum|sum [0-9a-f]{4}|[0-9a-f]{8} \[s\]")
+_DAMAGED_CHECKSUM = re.compile(r"Time, ch|ecksum|sum [0-9a-f]{4}|[0-9a-f]{8} \[s\]")
 
 # Type codes of level 4, little-endian: 1000 * order + 10 * precision + kind (0 numbers, 1 text).
 _DOUBLE, _INT32, _TEXT = 0, 20, 51
@@ -47,7 +47,7 @@ def write_mat(table: Table, file: BinaryIO) -> None:
     info, constants = [(0, 1, 0, -1)], [table.time[[0, -1]]]
     for name, signal in table.signals.items():
         names.append(name)
-        # a meaning that ends with a bracket needs a unit behind it, or its end would be read as one
+        # a description that ends with a bracket needs a unit after it, because its end would be read as a unit
         unit = signal.unit or ("1" if signal.doc.endswith("]") else "")
         descriptions.append(f"{signal.doc} [{unit}]".lstrip() if unit else signal.doc)
         if signal.column is None:
@@ -66,13 +66,13 @@ def write_mat(table: Table, file: BinaryIO) -> None:
     # OpenModelica's reader requires 4 x 11 characters here, so the third line cannot hold the model's name.
     add("Aclass", _TEXT, _characters(["Atrajectory", "1.1", "", "binTrans"]).T)
     add("name", _TEXT, _characters(names))
-    # Where the checksum goes: after the matrix header of 20 bytes, its zero-terminated name, and the text before.
-    place = file.tell() + 20 + len("description") + 1 + len("Time, checksum ")
+    # position of the checksum: after the matrix header of 20 bytes, its zero-terminated name, and the preceding text
+    position = file.tell() + 20 + len("description") + 1 + len("Time, checksum ")
     add("description", _TEXT, _characters(descriptions))
     add("dataInfo", _INT32, np.array(info, dtype="<i4"))
     add("data_1", _DOUBLE, np.array(constants, dtype="<f8").T)
     add("data_2", _DOUBLE, np.column_stack([table.time, table.trajectories]).astype("<f8"))
-    file.seek(place)
+    file.seek(position)
     file.write(digest.hexdigest()[:_DIGITS].encode())
     file.seek(0, os.SEEK_END)
 
@@ -106,7 +106,7 @@ def read_mat(path: Path) -> Table:
         and hashlib.sha256(_CHECKSUM.sub(rb"\g<1>" + b"0" * _DIGITS, raw, count=1)).hexdigest()[:_DIGITS].encode()
         != signed[2]
     ):
-        raise ValueError("its checksum is that of other contents: the file is damaged")
+        raise ValueError("its checksum does not match its contents: the file is damaged")
     content = loadmat(io.BytesIO(raw), chars_as_strings=False)
     if "Aclass" not in content:
         raise ValueError("no matrix Aclass: this is not a result of Dymola, OpenModelica or acausal")
@@ -116,7 +116,7 @@ def read_mat(path: Path) -> Table:
     if head[3] == "binTrans":
         content = {k: v.T for k, v in content.items() if isinstance(v, np.ndarray)} | {"Aclass": content["Aclass"]}
     names, descriptions = _texts(content["name"]), _texts(content["description"])
-    if not signed and _REMAINS.search(descriptions[0] if descriptions else ""):
+    if not signed and _DAMAGED_CHECKSUM.search(descriptions[0] if descriptions else ""):
         raise ValueError("its checksum cannot be read: the file is damaged")
     data = np.asarray(content["data_2"], dtype=float)
     constants = np.asarray(content["data_1"], dtype=float)[0]
@@ -138,7 +138,7 @@ def read_mat(path: Path) -> Table:
 
 
 def _check_places(places: NDArray[Any], constants: int, columns: int) -> None:
-    """Raise ValueError for a signal outside its block: a negative index of numpy would silently take another one."""
+    """Raise ValueError for a signal outside its block: numpy would silently use a negative index from the end."""
     blocks, rows = places[:, 0], np.abs(places[:, 1])
     if not (np.isin(blocks, (0, 1, 2)) & (places == np.floor(places)).all(axis=1)).all():
         raise ValueError("dataInfo names a block that does not exist")

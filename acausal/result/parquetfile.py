@@ -1,4 +1,4 @@
-"""Results as Parquet: one column per signal; units and meanings are metadata of the fields, and `attrs` for pandas."""
+"""Results as Parquet: one column per signal; units and descriptions are metadata of fields, and `attrs` for pandas."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _times(column: Any, unit: str) -> Array:
     try:
         return seconds(column.to_numpy(), unit)
     except TypeError as error:
-        raise ValueError(f"its times are none: {error}") from None
+        raise ValueError(f"its times are invalid: {error}") from None
 
 
 def _pyarrow() -> tuple[Any, Any]:

@@ -1,4 +1,4 @@
-"""Result of a simulation: every variable of the model by its path, over the whole run."""
+"""Result of a simulation: the trajectory of every variable of the model, by its path."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Event", "Result", "Signal", "load"]
 
-# Up to this many columns are computed individually; beyond that the whole matrix is.
+# Up to this many columns are computed individually; beyond this, the whole matrix is.
 _MANY = 64
-# Rows from which a spline is tried, and the share of the error of a cubic without overshoot below which it is taken: at
-# a kink both are of the same size.
-_SPLINED, _BETTER = 16, 0.25
+# Minimum number of rows for a spline, which is used if its error is below this fraction of the error of a
+# shape-preserving cubic. At a kink both errors are similar.
+_SPLINE_ROWS, _BETTER = 16, 0.25
 _ELEMENT = re.compile(r"(?P<base>.+)\[(?P<index>\d+(?:, ?\d+)*)\]")
 
 
@@ -41,7 +41,7 @@ class Result:
     time
         Shape (n,), in s, non-decreasing; two equal neighbours are the values before and after an event.
     trajectories
-        Shape (n, k), or a function that computes it, so that variables which the integration does not need cost
+        Shape (n, k), or a function that computes it, so that variables that the integration does not need cost
         nothing until the first of them is read.
     signals
         Description of every signal, in the order of declaration.
@@ -51,8 +51,8 @@ class Result:
         Dense output: maps times of the run, shape (m,), to rows of `trajectories`, shape (m, k), accurate to the run's
         tolerance, nan where the solver does not succeed; None for results read from a file.
     some
-        Maps j column indices to these columns of `trajectories`, shape (n, j), computing no others; None where some
-        columns cost as much as all.
+        Maps j column indices to these columns of `trajectories`, shape (n, j), without computing the others; None if
+        this would cost as much as all columns.
     """
 
     model: str
@@ -114,11 +114,14 @@ class Result:
 
     @cached_property
     def _first_index(self) -> int:
-        """0, or 1 in files of Modelica tools: two of the three entries of a vector alone are no vector of two."""
+        """Smallest index of arrays: 0, or 1 in files of Modelica tools.
+
+        It is common to all arrays: the last two of three entries of a vector are not a vector of two.
+        """
         return 0 if any(0 in index for members in self._arrays.values() for index, _ in members) else 1
 
     def elements(self, name: str) -> tuple[tuple[int, ...], list[Signal]]:
-        """Shape and signals behind a name, in row-major order; the shape of a scalar is ().
+        """Shape and signals of a name, in row-major order; the shape of a scalar is ().
 
         Raises
         ------
@@ -128,8 +131,8 @@ class Result:
         if not isinstance(name, str):
             raise UsageError(
                 "AC010",
-                f"{name!r} is no name of a signal",
-                help="one name at a time: result['mass.s']; result.at(t, name) takes the time first",
+                f"{name!r} is not a name of a signal",
+                help="give one name at a time: result['mass.s']; result.at(t, name) takes the time first",
             )
         if name == "time":
             return (), [Signal("time", unit="s", doc="Time")]
@@ -146,7 +149,7 @@ class Result:
             f"{self.model} has no signal '{name}'",
             evidence=meant(name, ["time", *self.names, *self._arrays]),
             help=(
-                f"the run kept only what the outputs {', '.join(map(str, outputs[:4]))} need: add it to outputs"
+                f"the run computed only what the outputs {', '.join(map(str, outputs[:4]))} need: add it to outputs"
                 if isinstance(outputs := self.stats.get("outputs"), tuple) and outputs
                 else f"the names of all {len(self.names)} signals are in result.names"
             ),
@@ -179,9 +182,8 @@ class Result:
     def at(self, t: ArrayLike, name: str) -> float | Array:
         """Value at one or several times of the run.
 
-        At a stored time the stored value is returned (the one after the event where there are two). Between, the dense
-        output of the solver is evaluated, or for results from a file a shape-preserving cubic that never crosses an
-        event.
+        At a stored time the stored value is returned (at an event, the one after it). Between stored times the dense
+        output of the solver is evaluated or, for results from a file, a cubic that never extends across an event.
 
         Parameters
         ----------
@@ -196,12 +198,12 @@ class Result:
         try:
             times = np.asarray(t, dtype=float)
         except (TypeError, ValueError):
-            raise UsageError("AC011", f"{t!r} is no time", help="result.at(t, name) takes times [s] first") from None
+            raise UsageError("AC011", f"{t!r} is not a time", help="result.at(t, name) takes times [s] first") from None
         flat = times.ravel()
         slack = 4 * np.finfo(float).eps * np.abs(self.time[[0, -1]]).max()
-        # An event this close to the stop time replaces it as the last row.
+        # an event this close to the stop time replaces it as the last row
         beyond = max(slack, 1e-12 * np.ptp(self.time))
-        # Negated, so that nan counts as outside.
+        # the comparison is negated, so that nan counts as outside
         outside = flat[~((flat >= self.time[0] - beyond) & (flat <= self.time[-1] + beyond))]
         if outside.size:
             raise UsageError(
@@ -231,22 +233,22 @@ class Result:
         for i, signal in enumerate(signals):
             if signal.column is None:
                 values[:, i] = signal.value
-        # `read` may compute the trajectories, which constants alone do not need.
+        # skip `read` for constants: it may compute the trajectories
         if varying:
-            places, columns, signs = (list(x) for x in zip(*varying, strict=True))
-            # Adding zero turns the -0.0 of a negated alias into 0.0.
-            values[:, places] = read(columns) * np.array(signs, dtype=float) + 0.0
+            positions, columns, signs = (list(x) for x in zip(*varying, strict=True))
+            # adding zero turns the -0.0 of a negated alias into 0.0
+            values[:, positions] = read(columns) * np.array(signs, dtype=float) + 0.0
         return values.reshape((n, *shape))
 
     def _rows(self, times: Array, columns: list[int], slack: float) -> Array:
         """Columns at arbitrary times of the run, shape (len(times), len(columns)); stored rows within `slack` [s]."""
         rows = np.empty((times.size, len(columns)))
-        # The last stored point not after t, hence the value after an event. The slack of a few ulps lets a request
-        # for 0.3 find the point stored at 3 * 0.1.
+        # the last stored point not after t, hence the value after an event; with a slack of a few ulps, a request for
+        # 0.3 finds the point stored at 3 * 0.1
         index = np.searchsorted(self.time, times + slack, side="right") - 1
         is_stored = np.abs(self.time[index] - times) <= slack
-        known = self.columns(columns)
-        rows[is_stored] = known[index[is_stored]]
+        stored = self.columns(columns)
+        rows[is_stored] = stored[index[is_stored]]
         between = np.flatnonzero(~is_stored)
         if self.dense is not None and between.size:
             dense_rows = self.dense(times[between])[:, columns]
@@ -258,11 +260,11 @@ class Result:
         for k in np.unique(segment):
             wanted = between[segment == k]
             piece = slice(bounds[k], bounds[k + 1])
-            rows[wanted] = _interpolate(self.time[piece], known[piece], times[wanted])
+            rows[wanted] = _interpolate(self.time[piece], stored[piece], times[wanted])
         return rows
 
     def table(self) -> Table:
-        """All values as one record; computes those not computed yet."""
+        """All values as one record; computes missing ones."""
         return Table(self.model, self.time, self.matrix, self.signals, self.events, self.stats)
 
     def save(self, path: str | Path, *, units: bool = False) -> None:
@@ -278,7 +280,6 @@ class Result:
         UsageError
             AC012 when the file cannot be written, AC013 for another suffix, AC015 for Parquet without pyarrow.
         """
-
         write(self.table(), Path(path), units)
 
     def plot(self, *names: str, **options: Any) -> Figure:
@@ -330,15 +331,15 @@ def load(path: str | Path) -> Result:
     UsageError
         AC013 for another suffix, AC014 when the file cannot be read, AC015 for Parquet without pyarrow.
     """
-
     return Result(**vars(read(Path(path))))
 
 
 def _interpolate(time: Array, values: Array, t: Array) -> Array:
-    """A cubic through (time, values) at `t`; linear where values are not finite.
+    """Cubic interpolation of (time, values) at `t`; linear if values are not finite.
 
-    Where a spline through every second row tells the others better than a cubic without overshoot, it is
-    the spline, whose error is of fourth order in the distance of rows; that of the other is of second order at extrema.
+    A spline has an error of fourth order in the distance of rows, a shape-preserving cubic one of second order at
+    extrema, but no overshoot at kinks. A column is interpolated by the spline if a spline through every second row
+    predicts the other rows better than the cubic does.
 
     `time`: shape (n,); `values`: shape (n, k); `t`: shape (m,). Returns shape (m, k).
     """
@@ -346,13 +347,13 @@ def _interpolate(time: Array, values: Array, t: Array) -> Array:
         from scipy.interpolate import CubicSpline, PchipInterpolator
 
         found = np.asarray(PchipInterpolator(time, values, axis=0)(t))
-        if len(time) >= _SPLINED:
+        if len(time) >= _SPLINE_ROWS:
             between = time[1:-1:2], values[1:-1:2]
-            off = [
+            errors = [
                 np.abs(kind(time[::2], values[::2], axis=0)(between[0]) - between[1]).max(axis=0)
                 for kind in (CubicSpline, PchipInterpolator)
             ]
-            smooth = np.flatnonzero(off[0] < _BETTER * off[1])
+            smooth = np.flatnonzero(errors[0] < _BETTER * errors[1])
             found[:, smooth] = CubicSpline(time, values[:, smooth], axis=0)(t)
         return found
     return np.stack([np.interp(t, time, column) for column in values.T], axis=1)

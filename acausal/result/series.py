@@ -1,4 +1,4 @@
-"""A measured or computed signal over time, as `simulate(inputs=...)` takes it."""
+"""A measured or computed signal over time, for `simulate(inputs=...)`."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ class TimeSeries:
             raise UsageError(
                 "AC044",
                 f"{self.name} has times of shape {time.shape} and values of shape {value.shape}",
-                help="as many values as times, two at least",
+                help="give as many values as times, and at least two",
             )
         for k in np.flatnonzero(~(np.isfinite(time) & np.isfinite(value)))[:1].tolist():
             raise UsageError(
                 "AC044",
                 f"{self.name}, row {k + 1}: {value[k]} at t = {time[k]} s is not finite",
-                help="leave out rows without a value; in data of a fit leave such a cell empty",
+                help="leave out rows without a value; in data for a fit leave such cells empty",
             )
         back = np.flatnonzero(np.diff(time) < 0.0)
         triple = np.flatnonzero(time[2:] == time[:-2])
@@ -94,26 +94,26 @@ def read_series(file: str | Path, column: str | None = None, interpolation: str 
 
     The layout of CSV files is described in `acausal.result.csvfile`.
 
-    Raises UsageError: AC014 for a file that cannot be read, AC045 for one without such a column, or with a row that is
-    no number.
+    Raises UsageError: AC014 for a file that cannot be read, AC045 for one without such a column, or with a cell that is
+    not a number.
 
-    `column`: Name of the column, with or without its unit; not needed for a file with one column besides the time.
+    `column`: name of the column, with or without its unit; not needed for a file with one column besides the time.
     """
     path = Path(file)
     if path.suffix.lower() != ".csv":
         return _from_result(path, column, interpolation)
     sheet = read_sheet(path)
-    place = _column_index(sheet, column)
-    values = sheet.numbers(sheet.rows(), (sheet.clock, place))
+    k = _column_index(sheet, column)
+    values = sheet.numbers(sheet.rows(), (sheet.clock, k))
     time = sheet.seconds(values[:, 0])
-    return TimeSeries(time, values[:, 1], interpolation, sheet.units[place], f"{path}, column {sheet.header[place]}")
+    return TimeSeries(time, values[:, 1], interpolation, sheet.units[k], f"{path}, column {sheet.header[k]}")
 
 
 def read_all(file: str | Path) -> dict[str, TimeSeries]:
     """Every column of a CSV file, by name; each column skips its own empty cells.
 
-    Raises UsageError: AC014 for a file that cannot be read, AC045 for a row that is no number, or a column with less
-    than two.
+    Raises UsageError: AC014 for a file that cannot be read, AC045 for a cell that is not a number, or a column with
+    less than two numbers.
     """
     path = Path(file)
     sheet = read_sheet(path)
@@ -123,7 +123,7 @@ def read_all(file: str | Path) -> dict[str, TimeSeries]:
         if k == sheet.clock:
             continue
         if name in series:
-            raise UsageError("AC045", f"{path} has two columns '{name}'", help="give each a name of its own")
+            raise UsageError("AC045", f"{path} has two columns '{name}'", help="give each its own name")
         rows_with_value = [(line, row) for line, row in rows if len(row) > k and row[k]]
         if len(rows_with_value) < 2:
             raise UsageError(
@@ -154,7 +154,7 @@ def _column_index(sheet: Sheet, column: str | None) -> int:
         "AC045",
         fact,
         evidence=[f"did you mean {', '.join(close)}?"] if close else [f"its columns: {', '.join(header[:8])}"],
-        help=f"{path}:{names[others[0]]}" if others else "a column of times alone is no signal",
+        help=f"{path}:{names[others[0]]}" if others else "add a column besides that of times",
     )
 
 
@@ -162,6 +162,6 @@ def _from_result(path: Path, column: str | None, interpolation: str) -> TimeSeri
     result = Result(**vars(read(path)))
     if column is None:
         raise UsageError(
-            "AC045", f"{path} holds {len(result.names)} signals", help=f"name one: {path}:{result.names[0]}"
+            "AC045", f"{path} contains {len(result.names)} signals", help=f"name one: {path}:{result.names[0]}"
         )
     return TimeSeries(result.time, result[column], interpolation, result.unit(column), f"{path}, signal {column}")

@@ -75,7 +75,7 @@ def test_what_cannot_be_compared_is_named() -> None:
         (("kg.csv", "a.mat"), 2, "a: kg in kg, m in a"),
         (("a.mat", "a.mat", "--tolerance", "nan"), 2, "--tolerance nan"),
         (("a.mat", "a.mat", "--floor", "0"), 2, "--floor 0"),
-        (("gap.csv", "a.mat", "--tolerance", "10"), 3, "a is no number in one of the files at 1 s"),
+        (("gap.csv", "a.mat", "--tolerance", "10"), 3, "a is not a number in one of the files at 1 s"),
     ):
         outcome = run("compare", *arguments)
         assert outcome.code == code

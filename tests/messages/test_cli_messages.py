@@ -202,7 +202,7 @@ def test_a_failed_run_keeps_what_it_had(folder: Path) -> None:
     Path("m.py").write_text(HEAD + body)
     outcome = run("simulate", "m.py")
     assert outcome.code == 1
-    assert "kept the run up to" in outcome.err
+    assert "saved the run up to" in outcome.err
     assert "error[AC4" in outcome.err
     assert "der(x)" in outcome.err
     assert "Traceback" not in outcome.err

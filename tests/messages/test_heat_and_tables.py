@@ -118,7 +118,7 @@ def said(folder: Path, source: str) -> list[str]:
         (
             "from acausal import time\n" + MODEL.format("time()"),
             "M.equations raised TypeError: 'Operation' object is not callable",
-            "an expression is no function: write time",
+            "an expression is not a function: write time",
         ),
         ("import acausal.library.electric\n", "model.py raised ModuleNotFoundError", "did you mean electrical?"),
         (

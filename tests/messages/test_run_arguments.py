@@ -87,7 +87,7 @@ def test_what_is_no_model_is_refused(verb: str) -> None:
 
 @pytest.mark.parametrize("given", [Lag(), acausal.compile(Lag()), None])
 def test_what_is_no_result_is_not_explored(given: Any) -> None:
-    with pytest.raises(AcausalError, match="is no result") as error:
+    with pytest.raises(AcausalError, match="is not a result") as error:
         acausal.explore(given)
     assert error.value.code == "AC085"
 

@@ -1,7 +1,7 @@
-"""The components of the library, found by reading its source: importing all of it would take a second.
+"""Catalogue of the library's components, from parsing its source: importing all of it would take a second.
 
-A name is followed through the imports of each file, so that what a base class or a part is called elsewhere is known
-without running anything.
+A name is followed through the imports of each file, so that base classes and parts are found under other names without
+running any code.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from acausal.cli.arguments.shipped import shipped_models
 from acausal.errors import UsageError, nearest
 
 PACKAGE = "acausal.library"
-# Where the packages of the Modelica Standard Library have gone; the innermost name decides.
+# Libraries that correspond to packages of the Modelica Standard Library; the innermost name decides.
 _MODELICA = {
     "Blocks": "blocks",
     "Electrical": "electrical",
@@ -40,7 +40,7 @@ class Part:
 
     @property
     def reference(self) -> str:
-        """What `acausal info` takes, unmistakable."""
+        """Unambiguous name for `acausal info`."""
         return f"{self.family}.{self.name}"
 
     @property
@@ -75,7 +75,7 @@ def _modules(package: str) -> dict[str, _Module]:
 
 @cache
 def _followed(module: str, name: str) -> tuple[str, str]:
-    """Where the class is defined that `module` calls `name`."""
+    """(Module, name) of the definition of the class that `module` calls `name`."""
     seen = set()
     while (module, name) not in seen:
         seen.add((module, name))
@@ -88,7 +88,7 @@ def _followed(module: str, name: str) -> tuple[str, str]:
 
 @cache
 def _kind(module: str, name: str) -> str:
-    """`component`, `connector`, `record`, or nothing for any other class."""
+    """`component`, `connector`, `record`, or "" for any other class."""
     module, name = _followed(module, name)
     if module.partition(".")[0] == "acausal" and name in _ROOTS:
         return name.lower()
@@ -102,10 +102,10 @@ def _kind(module: str, name: str) -> str:
 
 @cache
 def library_parts() -> tuple[Part, ...]:
-    """What a modeller can take from the library, by family and name: components, connectors and records."""
+    """The public components, connectors and records of the library, sorted by family and name."""
     found = []
     for package, module in _modules(PACKAGE).items():
-        # Public is what the package of a family hands out, by an import of the form `X as X`.
+        # public classes are those that the package of a family re-exports by `import X as X`
         if package.count(".") < 2 or not any(m.startswith(f"{package}.") for m in _modules(PACKAGE)):
             continue
         for name, (origin, original) in module.imports.items():
@@ -113,7 +113,7 @@ def library_parts() -> tuple[Part, ...]:
             if origin.startswith(PACKAGE) and not name.startswith("_") and (kind := _kind(where, own)):
                 doc = ast.get_docstring(_modules(PACKAGE)[where].classes[own]) or ""
                 found.append(Part(name, package.removeprefix(PACKAGE + "."), where, kind, doc))
-    # A family inside another one hands on what its own subpackages have: the outermost place is where it is found.
+    # a family re-exports the classes of its subpackages: list them under the outermost family
     outermost: dict[tuple[str, str], Part] = {}
     for part in sorted(found, key=lambda p: p.family.count(".")):
         outermost.setdefault((part.module, part.name), part)
@@ -127,7 +127,7 @@ def families() -> tuple[str, ...]:
 
 @cache
 def named_by(package: str) -> dict[tuple[str, str], frozenset[tuple[str, str]]]:
-    """For each class of `acausal.library` or `acausal.models`, where the classes are defined that its body names."""
+    """For each class of `acausal.library` or `acausal.models`, the definitions of the classes that its body names."""
     return {
         (module, name): frozenset(_followed(module, n.id) for n in ast.walk(node) if isinstance(n, ast.Name))
         for module, content in _modules(package).items()
@@ -137,9 +137,9 @@ def named_by(package: str) -> dict[tuple[str, str], frozenset[tuple[str, str]]]:
 
 @cache
 def used_in(part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the shipped models, and of the library's components, that have the part.
+    """Names of the shipped models, and of the library's components, that use the part.
 
-    A component counts if its class body names the part; a model also if that of a component in its own folder does.
+    A component counts if its class body names the part; a model also if a component in its own folder does.
     """
     wanted = (part.module, part.name)
     components = {name for (_, name), named in named_by(PACKAGE).items() if wanted in named and name != part.name}
@@ -153,7 +153,7 @@ def used_in(part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def find_part(reference: str) -> Part | None:
     """The part that `Resistor`, `electrical.Resistor` or `Modelica.Electrical.Analog.Basic.Resistor` names; or None.
 
-    Raises UsageError: AC004 when several libraries have one of this name.
+    Raises UsageError: AC004 if several libraries have a part of this name.
     """
     *packages, name = reference.split(".")
     found = [p for p in library_parts() if p.name == name]
@@ -164,7 +164,7 @@ def find_part(reference: str) -> Part | None:
             "AC004",
             f"{len(found)} libraries have a component '{name}'",
             evidence=[f"{p.reference}: {p.summary}" for p in found],
-            help=f"say which: {found[0].reference}",
+            help=f"name one: {found[0].reference}",
         )
     return found[0] if found else None
 
@@ -176,7 +176,7 @@ def _wanted(packages: list[str]) -> str:
 
 
 def near_parts(reference: str) -> list[str]:
-    """References of the parts nearest to a name, those of the wanted family first."""
+    """References of the parts with the most similar names, those of the requested family first."""
     *packages, name = reference.split(".")
     wanted = _wanted(packages)
     of_name: dict[str, list[Part]] = {}

@@ -1,4 +1,4 @@
-"""What the shell offers on Tab: models, files, parameters, signals, solvers. A failure offers nothing."""
+"""Shell completion: models, files, parameters, signals, solvers. After an error nothing is offered."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _beginning(names: Iterable[str], incomplete: str) -> list[str]:
 
 
 def _files(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
-    """Files with one of the suffixes, and folders, that go on from what is written."""
+    """Files with one of the suffixes, and folders, that begin with the incomplete path."""
     head = os.path.dirname(incomplete)
     folder = Path(head or ".")
     if not folder.is_dir():
@@ -29,14 +29,14 @@ def _files(incomplete: str, suffixes: tuple[str, ...]) -> list[str]:
 
 
 def _given(ctx: typer.Context, name: str) -> str | None:
-    """What stands for an argument; while the value of an option is missing, the parser leaves it among the rest."""
+    """The text of an argument; while the value of an option is missing, the parser leaves it among the rest."""
     value = ctx.params.get(name) or next(iter(ctx.args), None)
     value = next(iter(value), None) if isinstance(value, list | tuple) else value
     return None if value is None else str(value)
 
 
 def complete_list(incomplete: str) -> list[str]:
-    """What `acausal list` lists."""
+    """Kinds of lists of `acausal list`."""
     return _beginning(("models", "library"), incomplete)
 
 
@@ -73,7 +73,7 @@ def complete_shown(incomplete: str) -> list[str]:
 
 
 def complete_parameter(ctx: typer.Context, incomplete: str) -> list[str]:
-    """`path=` of the parameters and structural arguments of the model that stands before."""
+    """`path=` of the parameters and structural arguments of the model given before."""
     from acausal.cli.arguments.reference import find_model
     from acausal.flatten.instances.instances import instances
     from acausal.language.declarations.declaration import Kind
@@ -96,7 +96,7 @@ def complete_parameter(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def complete_signal(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Signals of the result file that stands before."""
+    """Signals of the result file given before."""
     result = _given(ctx, "result") or _given(ctx, "results")
     if result is None:
         return []
@@ -109,7 +109,7 @@ def complete_signal(ctx: typer.Context, incomplete: str) -> list[str]:
 
 
 def complete_drawn(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Signals of the result file that stands before, and more result files."""
+    """Signals of the result file given before, and more result files."""
     return [*complete_signal(ctx, incomplete), *_files(incomplete, _RESULTS)]
 
 

@@ -12,8 +12,6 @@ from acausal.flatten.instances.instances import placed
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration
 
-_INDEX = re.compile(r"\[[\d, ]+\]$")
-
 _FILE = re.compile(r"(?P<file>.+?\.(?:[A-Za-z]{3}|parquet))(?::(?P<column>.+))?")
 _PLAIN = re.compile(r"[-+]?[\d.]+([eE][-+]?\d+)?")
 _INDEX = re.compile(r"\[[\d, ]+\]$")
@@ -22,10 +20,9 @@ _INDEX = re.compile(r"\[[\d, ]+\]$")
 def inputs_of(model: Component, texts: Sequence[str] | None, interpolation: str) -> dict[str, Any]:
     """Constants and series by name, from texts NAME=VALUE and NAME=FILE:COLUMN.
 
-    Raises UsageError: AC009 for what is neither, or is given twice, AC014 and AC045 for files, AC150 to AC152 for
-    units.
+    Raises UsageError: AC009 for other texts and repeated names, AC014 and AC045 for files, AC150 to AC152 for units.
     """
-    # both load numpy
+    # imported here, because both load numpy
     from acausal.result.files import WRITERS
     from acausal.result.series import INTERPOLATIONS, read_series
 
@@ -51,15 +48,15 @@ def starts_of(model: Component, texts: Sequence[str] | None) -> dict[str, float]
 
 
 def _number(flag: str, name: str, value: str, declared: Mapping[str, Declaration]) -> float:
-    """A number with the unit of what it is for; a plain one of an unknown name is left to whoever takes it."""
-    own = declared.get(_INDEX.sub("", name))
-    if own is None and not _PLAIN.fullmatch(value):
+    """A number, converted to the declared unit; a plain number for an unknown name is checked later."""
+    declaration = declared.get(_INDEX.sub("", name))
+    if declaration is None and not _PLAIN.fullmatch(value):
         raise UsageError(
             "AC010",
             f"{flag} {name}={value}: the model declares no '{name}'",
             evidence=meant(name, list(declared)),
         )
-    return number_in(flag, f"{name}={value}", value, own)
+    return number_in(flag, f"{name}={value}", value, declaration)
 
 
 def _assignments(flag: str, texts: Sequence[str] | None) -> list[tuple[str, str]]:

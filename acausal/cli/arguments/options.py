@@ -18,12 +18,12 @@ from acausal.cli.arguments.completion import (
 
 
 def option(flag: str, help: str, **more: Any) -> Any:
-    """An option whose help says its default, if it has one."""
+    """An option; its help text states the default, if there is one."""
     return typer.Option(flag, help=help, show_default=False, **more)
 
 
 def output_file(help: str) -> Any:
-    """Where a verb writes; `help` says which suffixes it takes, and the default."""
+    """The option for an output file; `help` states the accepted suffixes and the default."""
     return typer.Option("--output-file", "-o", help=help, show_default=False)
 
 

@@ -1,4 +1,4 @@
-"""Files that will be written, checked before the work starts."""
+"""Checks of output files before the work starts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _Enough(Exception):
 
 
 def check_writable(path: Path) -> None:
-    """Open the file as its writer will, and leave nothing behind; UsageError AC012."""
+    """Open the file as its writer will, without leaving a trace; UsageError AC012."""
     from acausal.result.files import atomic
 
     try:

@@ -22,9 +22,8 @@ _FORMS = "a shipped model (see: acausal list), path/file.py:Class, or package.mo
 def find_model(reference: str) -> type[Component]:
     """The class that a reference names.
 
-    Raises UsageError: AC001 when there is no such model, AC004 when a file holds none or several, AC005 when it is
-    something else.
-    Raises AcausalError: what the file itself raises while it is imported, with its place.
+    Raises UsageError: AC001 if there is no such model, AC004 if a file has none or several, AC005 if it is not a model.
+    Raises AcausalError: for an exception that the file raises while it is imported, with its position.
     """
     if match := _FILE.fullmatch(reference):
         module = _load(Path(match["path"]))
@@ -39,17 +38,17 @@ def find_model(reference: str) -> type[Component]:
 
 
 def find_component(reference: str) -> tuple[type[Component], Part | None]:
-    """The class that a reference names, and its entry in the catalogue when it is a component of the library.
+    """The class that a reference names, and its entry in the catalogue if it is a component of the library.
 
-    Raises UsageError as `find_model`, and AC004 when several libraries have a component of this name.
+    Raises UsageError as `find_model`, and AC004 if several libraries have a component of this name.
     """
     if _is_plain(reference) and reference not in {m.name for m in shipped_models()}:
         part = find_part(reference)
         if part is not None:
             return getattr(_import(part.module), part.name), part
     cls = find_model(reference)
-    own = find_part(f"{cls.__module__.removeprefix('acausal.library.').partition('.')[0]}.{cls.__name__}")
-    return cls, own if own is not None and own.module == cls.__module__ else None
+    part = find_part(f"{cls.__module__.removeprefix('acausal.library.').partition('.')[0]}.{cls.__name__}")
+    return cls, part if part is not None and part.module == cls.__module__ else None
 
 
 def _is_plain(reference: str) -> bool:
@@ -60,7 +59,7 @@ def _is_plain(reference: str) -> bool:
 def _unknown(reference: str) -> UsageError:
     names = [m.name for m in shipped_models()]
     wanted = reference.lower()
-    # Letter case, or a beginning, are the commonest slips.
+    # wrong letter case and incomplete names are the most common mistakes
     close = [n for n in names if wanted and n.lower().startswith(wanted)] or nearest(reference, names)
     parts = near_parts(reference)
     evidence = [f"did you mean {', '.join(close)}?"] if close else []
@@ -84,10 +83,10 @@ def _load(path: Path) -> ModuleType:
             evidence=[f"did you mean {', '.join(str(path.with_name(n + '.py')) for n in close)}?"] if close else [],
         )
     file = path.absolute()
-    # As Python does for a script: the files beside it can be imported.
+    # files beside it can be imported, as for a Python script
     if str(file.parent) not in sys.path:
         sys.path.insert(0, str(file.parent))
-    # Its own name may be that of an installed package, and a dash in it is no reason to refuse.
+    # the module gets another name, because that of the file may contain a dash or belong to an installed package
     name = f"_model_file_{re.sub(r'[^0-9a-zA-Z]', '_', file.stem)}"
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None, "a path that ends in .py has a spec"
@@ -99,9 +98,9 @@ def _load(path: Path) -> ModuleType:
     except Exception as error:
         del sys.modules[name]
         shown: Exception = error
-        if isinstance(error, ValueError) and b"\0" in file.read_bytes():  # what a SyntaxError is from Python 3.11.4 on
+        if isinstance(error, ValueError) and b"\0" in file.read_bytes():  # a SyntaxError from Python 3.11.4 on
             shown = SyntaxError(str(error))
-        if isinstance(shown, SyntaxError) and not shown.filename:  # of a file with NUL bytes Python does not say which
+        if isinstance(shown, SyntaxError) and not shown.filename:  # Python does not name a file with NUL bytes
             shown.filename, shown.lineno = str(file), 1
         raise as_error(shown) from error
     return module
@@ -114,7 +113,7 @@ def _import(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        # Only when the missing module is the wanted one: a model that imports what is not installed is another matter.
+        # this error is for the requested module only, not for one that a model imports and that is not installed
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
             raise as_error(error) from error
         raise UsageError(
@@ -156,17 +155,17 @@ def _member(module: ModuleType, name: str, place: str) -> type[Component]:
 
 
 def _only(module: ModuleType, place: str) -> type[Component]:
-    """The model of a file: the only one that carries an experiment, else the only component."""
+    """The model of a file: the only one with an experiment, else the only component."""
     known = _models_in(module)
     runnable = {name: cls for name, cls in known.items() if "experiment" in vars(cls)}
     chosen = runnable if len(runnable) == 1 else known
     if len(chosen) == 1:
         return next(iter(chosen.values()))
     if not known:
-        raise UsageError("AC004", f"{place} holds no model", help="a model is a class derived from Component")
+        raise UsageError("AC004", f"{place} contains no model", help="a model is a class derived from Component")
     raise UsageError(
         "AC004",
-        f"{place} holds several models",
+        f"{place} contains several models",
         evidence=[", ".join(runnable or known)],
-        help=f"say which: {place}:{next(iter(runnable or known))}",
+        help=f"name one: {place}:{next(iter(runnable or known))}",
     )

@@ -1,4 +1,4 @@
-"""`--set path=value`: units converted to the declared one, structural arguments of the model rebuilt."""
+"""`--set path=value`: values converted to declared units, and structural arguments, which rebuild the model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.statement import Origin
 from acausal.units import convert
 
-# Commas between names, not those of R[0,1].
+# `_COMMA` matches commas between names, not those of R[0,1].
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 _COMMA = re.compile(r",(?![^\[]*\])")
 _SPACE = 3
@@ -28,7 +28,7 @@ _ELEMENT = re.compile(r"(?P<path>.+?)\[(?P<index>\d+(?:\s*,\s*\d+)*)\]")
 
 @dataclass(frozen=True)
 class Prepared:
-    """A model as asked for: an instance, and values of its parameters by path, in SI."""
+    """A model with the requested settings: an instance, and values of its parameters by path, in SI."""
 
     model: Component
     parameters: dict[str, object]
@@ -36,9 +36,11 @@ class Prepared:
 
 
 def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequence[str] = ()) -> Prepared:
-    """An instance of `cls` with the wanted structural arguments, and the other values by path; `freed` are inputs.
+    """An instance of `cls` with the requested structural arguments, and the other values by path.
 
-    Raises UsageError: AC003 for a text that is no assignment or no value, AC006 for a value of the wrong size, AC008
+    `freed`: paths of signal inputs that become inputs of the model.
+
+    Raises UsageError: AC003 for a text that is not an assignment or a value, AC006 for a value of the wrong size, AC008
     for a structural argument without value, AC020 and AC021 for a wrong path, AC136 for a value outside its limits,
     AC150 to AC152 for its unit.
     """
@@ -58,7 +60,7 @@ def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequen
                 help=f"--set {name}=...",
             )
     model = cls(**structural)
-    # Made here, it would say so in messages; its place is the class.
+    # messages shall refer to the class, not to this line, where the instance is created
     model.__dict__["_origin"] = _Definition(prepare.__code__, 0, cls)
     model = free(model, *freed) if freed else model
     numeric = {path: text for path, text in given.items() if path not in structural}
@@ -66,7 +68,7 @@ def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequen
 
 
 def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None = None) -> dict[str, float]:
-    """Numbers by name, from texts NAME=VALUE, in SI; with a unit where `model` declares one. Errors name `flag`."""
+    """Numbers by name, from texts NAME=VALUE, in SI; units are allowed if `model` declares one. Errors name `flag`."""
     found = {}
     for name, value in values_of(flag, given).items():
         declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
@@ -84,18 +86,18 @@ def values_of(flag: str, given: Sequence[str] | None) -> dict[str, str]:
 
 
 def number_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
-    """The number in `value`, in the declared unit, which is 1 where none is stated; errors show `flag` and `text`."""
+    """The number in `value`, in the declared unit (1 if none is declared); errors show `flag` and `text`."""
     if declared is not None:
         return float(as_usage(f"{flag} {text}", convert, value, declared.unit or "1"))
     try:
         return float(value)
     except ValueError as error:
-        fact = "no number, and the model declares no unit for this name"
+        fact = "not a number, and the model declares no unit for this name"
         raise UsageError("AC009", f"{flag} {text}: {fact}") from error
 
 
 def difference_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
-    """The difference in `value`, as `number_in`: one of degrees Celsius is not the temperature."""
+    """The difference in `value`, as `number_in`: a difference in degrees Celsius has no offset."""
     match = _NUMBER.match(value)
     number = number_in(flag, text, value, declared)
     return number - number_in(flag, text, "0" + value[match.end() :], declared) if match else number
@@ -113,7 +115,7 @@ def seconds_of(name: str, text: str | None) -> float | None:
 
 @dataclass(frozen=True)
 class _Definition(Origin):
-    """The place of a class, as the origin of the outermost instance."""
+    """The position of a class in its source, as the origin of the outermost instance."""
 
     cls: type[Component]
 
@@ -141,7 +143,7 @@ def _split(text: str) -> tuple[str, str]:
     path, sign, value = text.partition("=")
     if not sign or not path.strip() or not value.strip():
         raise UsageError(
-            "AC003", f"'--set {text}' is no assignment", help="write --set path=value, for example --set mass.m=2.5kg"
+            "AC003", f"'--set {text}' is not an assignment", help="write --set path=value, such as --set mass.m=2.5kg"
         )
     return path.strip(), value.strip()
 
@@ -159,14 +161,14 @@ def _structural(path: str, text: str, declaration: Declaration) -> object:
             return value
     raise UsageError(
         "AC003",
-        f"'{text}' is no value for the structural '{path}'",
+        f"'{text}' is not a value for the structural '{path}'",
         evidence=[f"its default is {default!r}"] if default is not None else [],
         help="give a Python literal of the same type: 10, True, (0, 0, 1), 'text'",
     )
 
 
 def _fits(value: object, default: object) -> bool:
-    """Whether a value has the type of the default; a default of another kind says nothing."""
+    """Whether a value has the type of the default; a default of another type permits any value."""
     if isinstance(default, float):
         return isinstance(value, int | float) and not isinstance(value, bool)
     return type(value) is type(default) if isinstance(default, bool | int | str | tuple) else True
@@ -202,7 +204,7 @@ def _element(path: str) -> tuple[str, tuple[int, ...] | None]:
 
 
 def _value(path: str, text: str, declaration: Declaration) -> Any:
-    """A float, or the entries of an array, row-major; one number fills a field, but not a vector in space."""
+    """A float, or the entries of an array, row-major; one number fills an array, but not a vector of three."""
     if not declaration.shape:
         return _scalar(path, text, declaration)
     body = re.sub(r"[\[\]()]", " ", text)
@@ -223,12 +225,12 @@ def _scalar(path: str, text: str, declaration: Declaration) -> float:
     return float(as_usage(f"--set {path}", convert, text.strip(), declaration.unit, path=path))
 
 
-def as_usage(told: str, function: Any, *arguments: Any, path: str | None = None) -> Any:
-    """The error about a value as one about the command line: the request is wrong, not the model."""
+def as_usage(argument: str, function: Any, *arguments: Any, path: str | None = None) -> Any:
+    """Call a function, and convert its errors to usage errors: the argument is wrong, not the model."""
     try:
         return function(*arguments)
     except AcausalError as error:
-        fact = error.fact if path is not None and error.fact.startswith(path) else f"{told}: {error.fact}"
+        fact = error.fact if path is not None and error.fact.startswith(path) else f"{argument}: {error.fact}"
         raise UsageError(error.code, fact, evidence=error.evidence, cause=error.cause, help=error.help) from error
 
 
@@ -250,14 +252,14 @@ def _replaced(
 ) -> tuple[float, ...]:
     if len(index) != len(shape) or not all(i < n for i, n in zip(index, shape, strict=True)):
         raise UsageError("AC006", f"there is no entry {path}: its shape is {shape}", help="indices count from 0")
-    place = 0
+    k = 0
     for i, n in zip(index, shape, strict=True):
-        place = place * n + i
-    return (*entries[:place], value, *entries[place + 1 :])
+        k = k * n + i
+    return (*entries[:k], value, *entries[k + 1 :])
 
 
 def _nested(value: Any, shape: tuple[int, ...]) -> object:
-    """Row-major entries as the (nested) tuple that Python's `parameters=` takes."""
+    """Row-major entries as the (nested) tuple for the argument `parameters`."""
     if len(shape) < 2:
         return value
     rows, columns = shape

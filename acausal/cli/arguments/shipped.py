@@ -1,4 +1,4 @@
-"""The models that come with acausal, found by reading their source: importing all of them would take a second."""
+"""The shipped models, found by parsing their source: importing all of them would take a second."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PACKAGE = "acausal.models"
 
 @dataclass(frozen=True)
 class ShippedModel:
-    """A class of `acausal.models` that says how it is meant to be run."""
+    """A class of `acausal.models` with an experiment."""
 
     name: str
     module: str
@@ -20,13 +20,13 @@ class ShippedModel:
 
     @property
     def reference(self) -> str:
-        """What identifies it on the command line, and in an import."""
+        """Unambiguous reference for the command line and imports."""
         return f"{self.module}:{self.name}"
 
 
 @cache
 def shipped_models() -> tuple[ShippedModel, ...]:
-    """All of them, by name."""
+    """All shipped models, sorted by name."""
     folder = Path(__file__).resolve().parents[2] / "models"
     found = []
     for path in sorted(folder.rglob("*.py")):
@@ -39,7 +39,7 @@ def shipped_models() -> tuple[ShippedModel, ...]:
 
 
 def _is_runnable(node: ast.ClassDef) -> bool:
-    """A model, unlike a component in the same file, carries its experiment."""
+    """Whether a class has an experiment, as models have, unlike components in the same file."""
     for item in node.body:
         targets = (
             item.targets if isinstance(item, ast.Assign) else [item.target] if isinstance(item, ast.AnnAssign) else []

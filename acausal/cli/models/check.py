@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def check(
     model: options.Model, settings: options.Set = None, as_json: options.Json = False, quiet: options.Quiet = False
 ) -> None:
-    """Compile a model and solve for its start values without a run; --quiet leaves only the exit code.
+    """Compile a model and solve for its start values without a run; with --quiet only the exit code reports the result.
 
     Example: acausal check oscillator.py
     """
@@ -62,7 +62,7 @@ def _print(content: dict[str, Any], iterated: Sequence[str]) -> None:
     if content["differentiated"]:
         say(f"  {counted(content['differentiated'], 'equation')} differentiated: constraints among the states")
     if content["stabilised"]:
-        say(f"  {counted(content['stabilised'], 'constraint')} kept by stabilisation: no fixed states suit them")
+        say(f"  {counted(content['stabilised'], 'constraint')} stabilised: no fixed choice of states is valid")
     if content["algebraic"]:
         say(f"  {counted(content['algebraic'], 'unknown')} iterated: {', '.join(iterated[:6])}")
     if content["start"]:
@@ -74,7 +74,7 @@ def _print(content: dict[str, Any], iterated: Sequence[str]) -> None:
 
 
 def start_values(compiled: CompiledModel) -> Start:
-    """Consistent values at the start of the model's experiment; its own inputs have their defaults."""
+    """Consistent values at the start of the model's experiment; its inputs have their defaults."""
     import numpy as np
 
     from acausal.simulate.options import declared_input, parameter_vector
@@ -84,14 +84,14 @@ def start_values(compiled: CompiledModel) -> Start:
     t = experiment.start_time
     p = parameter_vector(compiled, {})
     later = [x for x in np.array(compiled.instants(p)).ravel().tolist() if x > t]
-    # Time events exactly at the start have happened.
+    # time events exactly at the start have already happened
     modes = np.array(compiled.modes(0.5 * (t + min([*later, experiment.stop_time])), p)).ravel()
     u = np.array([declared_input(compiled, scalar) for scalar in compiled.flat.inputs])
     return initialize(compiled, t, p, u, modes)
 
 
 def _conditions(compiled: CompiledModel, start: Start) -> list[dict[str, Any]]:
-    """Each state's value at the start, and what decided it."""
+    """The value of each state at the start, and the reason for it."""
     reduced = compiled.solution.structure.reduced
     found = []
     for k, v in enumerate(compiled.state_variables):
@@ -100,7 +100,7 @@ def _conditions(compiled: CompiledModel, start: Start) -> list[dict[str, Any]]:
         if v in compiled.start.direct:
             why = "given" + (f" at {place(where.span())}" if where is not None else "")
         elif v in compiled.start.defaulted:
-            why = "taken from its guess: nothing else fixes it" if declared else "taken as 0: nothing fixes it"
+            why = "its guess: no condition determines it" if declared else "0: no condition determines it"
         else:
             why = "solved from " + ("; ".join(c.text for c in compiled.start.conditions[:3]) or "the other conditions")
         found.append({"path": reduced.name(v), "value": float(start.x[k]), "unit": unit_of(reduced, v), "why": why})

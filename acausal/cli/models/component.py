@@ -28,7 +28,7 @@ _TITLES = {
 
 
 def show_part(part: Part, cls: type[Component], as_json: bool) -> None:
-    """Print what a component of the library is: connectors, parameters, signals, parts, equations, where it is used."""
+    """Print a component of the library: connectors, parameters, signals, parts, equations, uses."""
     content = described(part, cls)
     if as_json:
         record(content)
@@ -37,10 +37,10 @@ def show_part(part: Part, cls: type[Component], as_json: bool) -> None:
 
 
 def described(part: Part, cls: type[Component]) -> dict[str, Any]:
-    """What `acausal info` says of a component, as data."""
+    """The content of `acausal info` on a component, as data."""
     try:
         example: Component | None = cls()
-    except AcausalError:  # an argument without default; its class says the rest
+    except AcausalError:  # an argument has no default: describe the class alone
         example = None
     models, components = used_in(part)
     return {
@@ -75,7 +75,7 @@ def _carries(cls: type[Connector]) -> str:
 
 
 def _declared(cls: type[Component]) -> dict[str, list[dict[str, Any]]]:
-    """Declarations by what they are; potentials and flows of a connector count as variables."""
+    """Declarations by kind; potentials and flows of a connector count as variables."""
     kinds = {
         "parameters": (Kind.PARAMETER,),
         "structural": (Kind.STRUCTURAL,),
@@ -102,7 +102,7 @@ def _described(name: str, d: Declaration) -> dict[str, Any]:
 
 
 def _default(d: Declaration) -> str | None:
-    """What stands in the class body; None where a value has to be given or found."""
+    """Text of the default in the class body; None if a value has to be given or computed."""
     value = d.default
     if isinstance(value, Fixed | Guess):
         return f"{type(value).__name__.lower()}({value.value:g})" if isinstance(value.value, int | float) else None
@@ -115,12 +115,12 @@ def _default(d: Declaration) -> str | None:
 
 
 def _lambda_text(function: Any) -> str:
-    """The body of `lambda self: sin(self.sigma)` as it stands in the source."""
+    """The body of `lambda self: sin(self.sigma)` from the source."""
     try:
         body = inspect.getsource(function).partition("lambda self:")[2].strip()
     except OSError:
         return "computed"
-    # The line goes on with other arguments: the longest beginning that is an expression, and no tuple, is the body.
+    # other arguments may follow in the line: the body is the longest prefix that is an expression but not a tuple
     for end in range(len(body), 0, -1):
         try:
             tree = ast.parse(body[:end], mode="eval")
@@ -143,7 +143,7 @@ def _parts(cls: type[Component], example: Component | None) -> list[dict[str, An
 
 
 def _equations(cls: type[Component], example: Component | None) -> list[dict[str, str]]:
-    """What the classes state, base first; as it stands in the source where the component needs arguments to be made."""
+    """The equations of the classes, base first; from the source if the component needs arguments to be created."""
     from acausal.flatten.instances.composition import stated_equations
 
     if example is None or isinstance(example, Connector):
@@ -156,7 +156,7 @@ def _equations(cls: type[Component], example: Component | None) -> list[dict[str
 
 
 def _text(text: str, message: str) -> str:
-    """An equation in full; of a long assertion the message only."""
+    """The text of an equation; of a long assertion only the message."""
     return text if not message or len(text) <= _LONG_ASSERTION else f'assert_(..., "{message}")'
 
 
@@ -210,7 +210,7 @@ def _limits(low: float, high: float) -> str:
 
 
 def _cut(text: str) -> str:
-    """A line cut to a readable length; `--json` prints all of it."""
+    """A text shortened to a readable length; `--json` prints it in full."""
     return text if len(text) <= _WIDEST else text[: _WIDEST - 4] + " ..."
 
 

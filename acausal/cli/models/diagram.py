@@ -1,4 +1,4 @@
-"""`acausal diagram`: the connections of a model, drawn."""
+"""`acausal diagram`: the connection diagram of a model."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def equations(
     ] = (Stage.flat),
     settings: options.Set = None,
     as_json: options.Json = False,
-    quiet: options.Quiet = False,  # nothing but the equations is printed anyway
+    quiet: options.Quiet = False,  # only the equations are printed anyway
 ) -> None:
     """Print the equations of a model after a compiler stage.
 
@@ -60,7 +60,7 @@ def equations(
         try:
             solution = solved(flat, hidden=hidden)
         except StructureError:
-            if stage is Stage.reduced and not as_json:  # what remains is what the user of a refused model needs
+            if stage is Stage.reduced and not as_json:  # a refused model is diagnosed from the remaining equations
                 _print(reduced_sections(reduce(flat)))
             raise
         structure = solution.structure
@@ -80,7 +80,7 @@ Sections = dict[str, list[dict[str, Any]]]
 
 
 def flat_sections(flat: FlatSystem) -> Sections:
-    """Every equation with its component and place."""
+    """Every equation with its component and position in the source."""
     names = flat_names(flat)
 
     def shown(listed: tuple[FlatEquation, ...]) -> list[dict[str, Any]]:
@@ -110,7 +110,7 @@ def _equality(pool: Pool, left: int, right: int, names: Any) -> str:
 
 
 def _residual(pool: Pool, node: int, names: Any) -> str:
-    """A residual as an equation: its last difference becomes the two sides."""
+    """A residual as an equation: the operands of its last difference become the two sides."""
     op, *rest = pool.nodes[node]
     if op == "sub":
         return _equality(pool, rest[0], rest[1], names)
@@ -119,7 +119,6 @@ def _residual(pool: Pool, node: int, names: Any) -> str:
 
 def reduced_sections(reduced: ReducedSystem) -> Sections:
     """Remaining equations, aliases by representative, eliminated constants, and equations that follow from others."""
-
     flat, pool, names = reduced.flat, reduced.pool, reduced.leaf_name
     remaining = [
         _entry(_residual(pool, r, names), flat.equations[k])
@@ -153,7 +152,7 @@ def reduced_sections(reduced: ReducedSystem) -> Sections:
 
 
 def hidden_sections(flat: FlatSystem, hidden: dict[int, int]) -> Sections:
-    """Constraints that equations state together, each with the equation whose place it takes."""
+    """Constraints that equations imply together, each with the equation that it replaces."""
     names = flat_names(flat)
     found = [_entry(_residual(flat.pool, node, names), flat.equations[k]) for k, node in hidden.items()]
     for entry, k in zip(found, hidden, strict=True):
@@ -188,7 +187,7 @@ def structure_sections(structure: Structure) -> Sections:
 
 
 def _choice(reduced: ReducedSystem, choice: Choice) -> str:
-    """What was decided about the derivatives in some constraints."""
+    """The decision about the derivatives in some constraints."""
     parts = []
     integral = reduced.pool.integral_of
     if choice.dummies:
@@ -198,7 +197,7 @@ def _choice(reduced: ReducedSystem, choice: Choice) -> str:
     if kept:
         parts.append(f"{_listed(reduced, kept)} integrated")
     if choice.floating:
-        parts.append(f"{counted(len(choice.floating), 'constraint')} without a choice that is safe everywhere")
+        parts.append(f"{counted(len(choice.floating), 'constraint')} without a choice that is valid everywhere")
     return "; ".join(parts)
 
 
@@ -208,8 +207,7 @@ def _listed(reduced: ReducedSystem, variables: tuple[int, ...], limit: int = 12)
 
 
 def block_sections(solution: Solution) -> Sections:
-    """Blocks in the order they are solved."""
-
+    """Blocks in the order in which they are solved."""
     structure = solution.structure
     reduced = structure.reduced
     names = reduced.leaf_name

@@ -1,4 +1,4 @@
-"""`acausal info`: what a model is, what can be set, and what the compiler makes of it."""
+"""`acausal info`: description of a model, its parameters, and the outcome of its compilation."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def info(
         flat = compiled.flat
     except AcausalError as error:
         failure = error
-        # Whoever looks up a parameter because it is missing still gets the list.
+        # list the parameters nevertheless: one without a value may be the reason
         try:
             flat = flatten(prepared.model, prepared.parameters)
         except AcausalError:
@@ -135,23 +135,23 @@ def _parameters(flat: FlatSystem) -> list[dict[str, Any]]:
 
 
 def _value(flat: FlatSystem, p: FlatParameter) -> dict[str, Any]:
-    """Numbers of all entries, and what the parameter is bound to when the model computes it from others."""
+    """Values of all entries, and the expression if the model computes the parameter from others."""
     from acausal.flatten.flat import suffixes
     from acausal.flatten.text import to_text
     from acausal.numeric.evaluate import values
 
     leaves = {"par": flat.parameter_values.__getitem__, "time": lambda _: 0.0}
     known = values(flat.pool, p.nodes, leaves)
-    # Adding zero turns -0.0 into 0.0.
+    # adding zero turns -0.0 into 0.0
     numbers = [float(known[n]) + 0.0 for n in p.nodes]
     texts = [to_text(flat.pool, n, flat_names(flat), 60) for n in p.nodes]
-    own = [p.path + s for s in suffixes(p.declaration.shape)]
-    bound = "" if texts == own else texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+    names = [p.path + s for s in suffixes(p.declaration.shape)]
+    bound = "" if texts == names else texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
     return {"value": numbers[0] if not p.declaration.shape else numbers, "bound_to": bound}
 
 
 def _declared_parameters(model: Component) -> list[dict[str, Any]]:
-    """From the declarations alone, when the model cannot be flattened."""
+    """Parameters from the declarations alone, for a model that cannot be flattened."""
     found = []
     for instance in instances(model):
         for name, d in instance.component._declarations.items():
@@ -180,7 +180,7 @@ def _signals(model: Component, kind: Kind) -> list[dict[str, Any]]:
 
 
 def _structure(report: StructureReport) -> dict[str, Any]:
-    """What a report holds beyond the counts of the stages."""
+    """The content of a report besides the counts of the stages."""
     return {
         "blocks": [vars(b) for b in report.blocks],
         "states": [vars(s) for s in report.states],
@@ -232,7 +232,7 @@ def _print_structure(structure: Mapping[str, Any]) -> None:
     table([_block_row(b) for b in structure["blocks"][:_MOST_BLOCKS]], indent="  ")
     if len(structure["blocks"]) > _MOST_BLOCKS:
         say(f"  and {len(structure['blocks']) - _MOST_BLOCKS} more sizes")
-    _head("States, and what spoke for them")
+    _head("States, and the reasons for their choice")
     reasons: dict[str, list[str]] = {}
     for state in structure["states"]:
         reasons.setdefault(state["why"], []).append(state["name"])

@@ -1,4 +1,4 @@
-"""`acausal list`: the models that are shipped, and the components of the library."""
+"""`acausal list`: the shipped models, and the components of the library."""
 
 from __future__ import annotations
 
@@ -50,9 +50,7 @@ def list_models(
     parts = list(_parts(family)) if what == "library" or (word and what != "models") else []
     parts = [p for p in parts if word in p.reference.lower() or word in p.doc.lower()]
     if word and not models and not parts:
-        raise UsageError(
-            "AC001", f"nothing that is listed has '{search}' in its name or text", help="try a shorter word"
-        )
+        raise UsageError("AC001", f"no entry has '{search}' in its name or description", help="try a shorter word")
     if as_json:
         shown = [{"name": m.name, "reference": m.reference, "summary": m.summary} for m in models]
         library = {"library": [_described(p) for p in parts]} if parts else {}
@@ -83,12 +81,12 @@ def _described(part: Part) -> dict[str, str]:
 
 
 def _say_parts(parts: list[Part], word: str) -> None:
-    """By family; what has the word in its name comes first."""
+    """Print parts by family; those with the word in their name come first."""
     width = max((len(p.name) for p in parts), default=0)
     for family in dict.fromkeys(p.family for p in parts):
         say()
         say(f"acausal.library.{family}")
-        own = sorted((p for p in parts if p.family == family), key=lambda p: word not in p.name.lower())
-        for part in own:
+        members = sorted((p for p in parts if p.family == family), key=lambda p: word not in p.name.lower())
+        for part in members:
             kind = "" if part.kind == "component" else f"({part.kind}) "
             say(f"  {part.name:{width}}  {kind}{part.summary}".rstrip())

@@ -1,4 +1,4 @@
-"""Names for the leaves of pool expressions, as the user wrote them."""
+"""Names of the leaves of pool expressions, as in the source of the model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def flat_names(flat: FlatSystem) -> NameOf:
 
 
 def unit_of(reduced: ReducedSystem, variable: int) -> str:
-    """Declared unit of a reduced variable; a derivative made by the compiler has none declared."""
+    """Declared unit of a reduced variable, or the derived one of a derivative that the compiler has introduced."""
     if variable < len(reduced.scalar) and reduced.scalar[variable] not in reduced.flat.pool.integral_of:
         return reduced.flat.declaration(reduced.scalar[variable]).unit
     below = unit_of(reduced, reduced.pool.integral_of[variable])

@@ -1,4 +1,4 @@
-"""`acausal new`: a model file to start from."""
+"""`acausal new`: a commented template of a model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from acausal.cli.output.report import record, remark
 from acausal.errors import UsageError
 
 _SKELETON = '''\
-"""A mass on a spring, driven by a force: replace it by your own.
+"""A mass on a spring, driven by a force: replace it with your own model.
 
 Run it:       acausal simulate {file} --plot
 Look at it:   acausal info {file};  acausal check {file}
@@ -34,23 +34,23 @@ from acausal.library.translational import Damper, Fixed, Force, Mass, Spring
 class {name}(Component):
     """What the model shows, in one sentence."""
 
-    # Parameters are numbers that can be set without compiling again: --set c=1N/cm
+    # Parameters can be changed without compiling again: --set c=1N/cm
     c: Real = parameter(default=100.0, unit="N/m", min=0.0, doc="Stiffness of the spring")
     f_max: Real = parameter(default=1.0, unit="N", doc="Amplitude of the force")
 
     # A variable is an unknown: it needs an equation below.
     energy: Real = variable(unit="J", doc="Kinetic and elastic energy")
 
-    # Parts without parameters of the model stand here; fixed(...) is a start value, guess(...) only helps to find one.
+    # Parts that do not depend on parameters of the model; fixed(...) is a start value, guess(...) an estimate of one.
     wall: Fixed = Fixed()
     mass: Mass = Mass(m=1.0, s=fixed(0.0), v=fixed(0.0))
     damper: Damper = Damper(d=0.5)
     force: Force = Force()
-    # Parts that are made with parameters of the model are declared here and made in `build`.
+    # Parts that depend on parameters of the model are declared here and created in `build`.
     spring: Spring = part()
     source: Sine = part()
 
-    # The run that this model is meant for, and its figure.
+    # Default settings of a run, and its figure.
     experiment: ClassVar[Experiment] = Experiment(stop_time=20.0)
     figure: ClassVar[tuple[Panel, ...]] = (
         Panel(("mass.s",), title="Position"),
@@ -62,13 +62,13 @@ class {name}(Component):
         self.source = Sine(amplitude=self.f_max, f=1.0)
 
     def equations(self) -> Equations:
-        # Connected flanges have one position, and their forces sum to zero.
+        # Connected flanges have the same position, and their forces sum to zero.
         yield connect(self.wall.flange, self.spring.flange_a, self.damper.flange_a)
         yield connect(self.spring.flange_b, self.damper.flange_b, self.mass.flange_a)
         yield connect(self.force.flange, self.mass.flange_b)
-        # An output of a block drives an input.
+        # The output of a block drives an input.
         yield connect(self.source.y, self.force.u)
-        # Everything else is an equation; units are checked.
+        # Further equations; their units are checked.
         yield self.energy == 0.5 * self.mass.m * self.mass.v**2 + 0.5 * self.c * self.mass.s**2
 '''
 
@@ -84,9 +84,9 @@ def new(
     """
     name = "".join(word[:1].upper() + word[1:] for word in re.split(r"[^0-9a-zA-Z]+", file.stem))
     if file.suffix != ".py" or not name.isidentifier() or keyword.iskeyword(name):
-        raise UsageError("AC013", f"{file} names no Python file with a class", help="acausal new my_model.py")
+        raise UsageError("AC013", f"{file} is no name for a Python file with a class", help="acausal new my_model.py")
     if file.exists():
-        raise UsageError("AC080", f"{file} is there already", help="choose another name, or remove it")
+        raise UsageError("AC080", f"{file} already exists", help="choose another name, or remove it")
     check_writable(file)
     file.write_text(_SKELETON.format(file=file, name=name), encoding="utf-8")
     if as_json:

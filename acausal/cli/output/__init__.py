@@ -1,1 +1,1 @@
-"""What a command prints, and its errors."""
+"""Output of commands: tables, JSON and errors."""

@@ -2,10 +2,10 @@
 
 0    done
 1    the model or the solver failed
-2    the request cannot be understood
+2    wrong usage
 3    a comparison is out of tolerance
 130  interrupted
-143  asked to end (SIGTERM)
+143  terminated (SIGTERM)
 """
 
 from __future__ import annotations
@@ -33,31 +33,29 @@ _FOREIGN = tuple({Path(sysconfig.get_path(name)).resolve() for name in ("stdlib"
 
 
 class ModelCodeError(AcausalError):
-    """Python code of a model raised something that is not about models: NameError, SyntaxError, ImportError ..."""
+    """The Python code of a model raised another exception: NameError, SyntaxError, ImportError ..."""
 
 
 def exit_code(error: AcausalError) -> int:
-    """The exit code an error ends the process with."""
+    """The exit code for an error."""
     return USAGE if isinstance(error, UsageError) else FAILED
 
 
 def as_error(error: Exception) -> AcausalError:
-    """The error to show for any exception: itself, the modeller's mistake with its place, or a defect of ours."""
+    """The error to show for any exception: itself, a mistake in the model with its position, or a defect in acausal."""
     if isinstance(error, AcausalError):
         return error
     if isinstance(error, SyntaxError) and error.filename and error.lineno and not _is_ours(error.filename):
         return ModelCodeError(
             "AC002", f"{Path(error.filename).name} is not Python: {error.msg}", where=[_syntax_span(error)]
         )
-    found = _guilty(error.__traceback__)
+    found = _model_frame(error.__traceback__)
     what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     if found is not None:
         span, frame = found
         return ModelCodeError("AC002", f"{_place(frame)} raised {what}", where=[span], help=advice(error, frame))
     if isinstance(error, MemoryError):
-        return AcausalError(
-            "AC903", "the memory does not suffice", help="shorten the run or lengthen --output-interval"
-        )
+        return AcausalError("AC903", "there is not enough memory", help="shorten the run or increase --output-interval")
     return InternalError(
         "AC999",
         f"defect in acausal: {what}",
@@ -66,19 +64,19 @@ def as_error(error: Exception) -> AcausalError:
 
 
 def interruption(stop: KeyboardInterrupt) -> AcausalError:
-    """The message for Ctrl-C and SIGTERM; a run leaves what it has computed on the exception."""
+    """The message for Ctrl-C and SIGTERM; the exception has the partial result of a run."""
     result = getattr(stop, "result", None)
     what = "terminated" if interrupted_code(stop) == TERMINATED else "interrupted"
     return AcausalError("AC490", what + (f" at t = {result.time[-1]:.6g} s" if result is not None else ""))
 
 
 def interrupted_code(stop: KeyboardInterrupt) -> int:
-    """The exit code of a process that was asked to end."""
+    """The exit code of an interrupted or terminated process."""
     return TERMINATED if was_terminated(stop) else INTERRUPTED
 
 
 def heed_termination() -> None:
-    """Let SIGTERM end a verb as Ctrl-C does: what a run has computed is kept. Not where somebody else handles it."""
+    """Let SIGTERM end a verb as Ctrl-C does, so that partial results are kept, unless it already has a handler."""
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, terminate)
     if sys.unraisablehook is sys.__unraisablehook__:
@@ -86,9 +84,9 @@ def heed_termination() -> None:
 
 
 def report_unraisable(unraisable: sys.UnraisableHookArgs) -> None:
-    """Print, as Python does, what was raised where nobody can catch it; Ctrl-C is remembered, and said later.
+    """Print, as Python does, an exception that cannot be caught, except Ctrl-C, which is handled later.
 
-    A signal may come while a module is imported, inside a callback of a weak reference.
+    A signal may arrive while a module is imported, inside a callback of a weak reference.
     """
     if not issubclass(unraisable.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(unraisable)
@@ -100,7 +98,7 @@ def _syntax_span(error: SyntaxError) -> Span:
 
 
 def _place(frame: FrameType) -> str:
-    """`Model.equations`, as the author of the model calls the code that a frame runs."""
+    """The name of the code of a frame for the author of the model: `Model.equations`."""
     name = frame.f_code.co_qualname.replace("<locals>.", "")
     owner = frame.f_locals.get("self")
     if owner is not None and name.endswith(f".{frame.f_code.co_name}"):
@@ -108,10 +106,10 @@ def _place(frame: FrameType) -> str:
     return Path(frame.f_code.co_filename).name if name == "<module>" else name
 
 
-def _guilty(trace: TracebackType | None) -> tuple[Span, FrameType] | None:
-    """The innermost place, if it is in a model or a library rather than in the compiler.
+def _model_frame(trace: TracebackType | None) -> tuple[Span, FrameType] | None:
+    """The innermost frame, if it is in a model or a library rather than in the compiler.
 
-    Python's own and installed packages are skipped: the guilty one is who called them.
+    Frames of Python and of installed packages are skipped: the error is attributed to their caller.
     """
     for frame, line in reversed(list(traceback.walk_tb(trace))):
         file = frame.f_code.co_filename
@@ -127,13 +125,13 @@ def _guilty(trace: TracebackType | None) -> tuple[Span, FrameType] | None:
 
 def _is_ours(file: str) -> bool:
     path = Path(file)
-    # Not resolved: acausal/library is a link to a folder beside the package.
+    # do not resolve the path: acausal/library is a link to a folder beside the package
     path = path if path.is_absolute() else Path.cwd() / path
     return path.is_relative_to(_PACKAGE) and not any(path.is_relative_to(folder) for folder in _OPEN)
 
 
 def advice(error: Exception, frame: FrameType) -> str | None:
-    """A line of help, or None when nothing better than the error itself can be said."""
+    """A line of help, or None if there is nothing to add to the error."""
     if isinstance(error, NameError):
         return _unknown_name(str(getattr(error, "name", "")), frame)
     if isinstance(error, AttributeError):
@@ -159,7 +157,7 @@ def _unknown_name(name: str, frame: FrameType) -> str | None:
 
 
 def _public() -> list[str]:
-    """What `from acausal import ...` gives."""
+    """The public names of acausal."""
     return [name for name in dir(sys.modules["acausal"]) if not name.startswith("_")]
 
 
@@ -172,25 +170,25 @@ def _unknown_attribute(name: str, owner: object) -> str | None:
 
 
 def _library(module: str) -> str | None:
-    """Which libraries there are, for one that is not."""
+    """Help for a library that does not exist."""
     if not module.startswith("acausal.library."):
         return None
     return _did_you_mean(module.split(".")[2], list(families())) or f"there are {', '.join(families())}"
 
 
 def _operation(text: str) -> str | None:
-    """Help for what Python allows between numbers and expressions do not, and the other way round."""
+    """Help for operations that expressions do not support."""
     if re.match(r"'(Symbol|Operation|Constant|Expr)' object is not callable", text):
-        return "an expression is no function: write time or self.x without brackets"
+        return "an expression is not a function: write time or self.x without brackets"
     return None
 
 
 def _elsewhere(name: str) -> str | None:
-    """Which libraries have a component of this name, or nearly so."""
+    """Help with the libraries that have a component of this or a similar name."""
     exact = [f"from acausal.library.{p.family} import {name}" for p in library_parts() if p.name == name]
     if exact:
         return ", or ".join(exact)
-    # Components are written with a capital; a word that is not has other relatives.
+    # names of components start with a capital letter
     close = near_parts(name) if name[:1].isupper() else []
     return f"did you mean {', '.join(close)} of acausal.library?" if close else None
 

@@ -1,4 +1,4 @@
-"""What a command prints: tables and JSON on stdout, remarks on stderr."""
+"""Output of a command: tables and JSON on stdout, remarks on stderr."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from acausal.errors import AcausalError, Span, UsageError
 
 
 def say(text: str = "") -> None:
-    """A line of the result, on stdout.
+    """Print a line of the report on stdout.
 
-    Raises UsageError: AC012 when it cannot be written: a full disk.
+    Raises UsageError: AC012 if it cannot be written, for example to a full disk.
     """
     try:
-        # At once: what is lost at the end of the process is lost without a word.
+        # flush at once, because a failure at the end of the process would not be reported
         print(text, flush=True)
     except BrokenPipeError:
         raise
     except OSError as error:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (what is in the buffer has no place)
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  (the buffer cannot be written either)
         raise UsageError("AC012", f"cannot write to standard output: {error.strerror or error}") from error
 
 
 def remark(text: str) -> None:
-    """A line about the work, on stderr, so that stdout can be piped on."""
+    """Print a line on stderr, so that stdout has the report only."""
     print(text, file=sys.stderr, flush=True)
 
 
 def table(rows: Sequence[Sequence[str]], head: Sequence[str] = (), indent: str = "") -> None:
-    """Aligned columns on stdout, the last one of each row ragged: a row may end early, with a sentence.
+    """Print aligned columns on stdout; a row may end early, with a sentence.
 
-    Not a table of rich: that one cuts paths to the width of a terminal which a pipe does not have.
+    Tables of rich are not used, because they shorten paths to the width of the terminal, even in a pipe.
     """
     lines = [list(map(str, row)) for row in ([head] if head else []) + list(rows)]
     if not lines:
         return
     most = max(map(len, lines))
-    # a row that ends early ends with a sentence: that makes no column wide
+    # the sentence of a row that ends early does not count for the width of its column
     columns = [[line[k] for line in lines if len(line) > k + (len(line) < most)] for k in range(most)]
     widths = [max(map(len, column), default=0) for column in columns]
     for line in lines:
@@ -51,12 +51,12 @@ def table(rows: Sequence[Sequence[str]], head: Sequence[str] = (), indent: str =
 
 
 def record(content: Mapping[str, Any]) -> None:
-    """One JSON object on stdout."""
+    """Print one JSON object on stdout."""
     say(json.dumps(plain(content), indent=2, ensure_ascii=False))
 
 
 def plain(value: Any) -> Any:
-    """JSON has no nan and no infinity: they become null and a text."""
+    """A value for JSON, in which nan becomes null and infinity a text."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
@@ -69,27 +69,27 @@ def plain(value: Any) -> Any:
 
 
 def record_error(error: AcausalError) -> None:
-    """The message as one JSON object on stdout, for who has asked for --json."""
-    places = [{"file": span.file, "line": span.line} for span in error.where]
-    told = {"code": error.code, "fact": error.fact, "where": places, "evidence": list(error.evidence)}
-    record({"error": {**told, "cause": error.cause, "help": error.help}})
+    """Print an error as one JSON object on stdout, for --json."""
+    spans = [{"file": span.file, "line": span.line} for span in error.where]
+    content = {"code": error.code, "fact": error.fact, "where": spans, "evidence": list(error.evidence)}
+    record({"error": {**content, "cause": error.cause, "help": error.help}})
 
 
 def show_error(error: AcausalError) -> None:
-    """The message on stderr, its first line in red on a terminal."""
+    """Print an error on stderr, its first line in red on a terminal."""
     from rich.console import Console
     from rich.text import Text
 
     first, _, rest = str(error).partition("\n")
     console = Console(stderr=True, soft_wrap=True, highlight=False)
-    # Text, not a string: brackets such as masses[0] are no markup.
+    # use Text, because brackets in a string, such as masses[0], would be markup
     console.print(Text(first, style="bold red"))
     if rest:
         console.print(Text(rest))
 
 
 def place(span: Span | None) -> str:
-    """`file:line`, the file as short as it is unmistakable: from here, or from the package's folder."""
+    """`file:line`, with the file relative to the working directory or the folder of the package if it is inside."""
     if span is None:
         return ""
     path = Path(span.file)

@@ -1,4 +1,4 @@
-"""`acausal animate`: a model or a result as a moving scene."""
+"""`acausal animate`: a 3D animation of a model or a result."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def animate(
         str | None,
         options.option(
             "--model",
-            "The model that the result file was made with; a shipped model is found by the file's name.",
+            "The model of the result file; a shipped model is found by the name of the file.",
             metavar="MODEL",
             autocompletion=complete_model,
         ),
@@ -91,7 +91,7 @@ def animate(
 
 
 def opened(shown: str, model: str | None, settings: list[str] | None) -> tuple[Result | None, Prepared]:
-    """The result that is shown, None for a model that is to be simulated, and the model."""
+    """(The result to show, or None if the model has to be simulated; the model)."""
     path = Path(shown)
     if path.suffix.lower() not in RESULTS:
         return None, prepare(find_model(shown), settings or ())
@@ -103,7 +103,7 @@ def opened(shown: str, model: str | None, settings: list[str] | None) -> tuple[R
     if reference is None:
         raise UsageError(
             "AC082",
-            f"{shown} does not say which model it is the result of",
+            f"{shown} does not name its model",
             help=f"acausal animate {shown} --model MODEL, with the --set of the run",
         )
     return result, prepare(find_model(reference), settings or ())

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from acausal.result.signals import Array
 
 
-# Signals in one picture.
+# Maximum number of signals in the plot.
 _MOST_DRAWN = 5
 
 
@@ -31,8 +31,8 @@ class Deviation:
     """The difference of one signal, in the unit of the first result."""
 
     name: str
-    # `absolute`, `relative`, `time`: the largest difference, that in parts of the signal's range in the first result,
-    # and when.
+    # `absolute`, `relative`, `time`: the largest difference, the same as a fraction of the range of the signal in the
+    # first result, and its time [s].
     absolute: float
     relative: float
     time: float
@@ -114,8 +114,8 @@ def compare(
             f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict} {tolerance:g}"
         )
         if short:
-            covered, asked = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
-            say(f"{second.name} covers {covered} the {asked} {first.name}: out of tolerance")
+            covered, required = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
+            say(f"{second.name} covers {covered} the {required} {first.name}: out of tolerance")
         if picture is not None:
             remark(f"wrote {picture}")
     if bad or short:
@@ -134,13 +134,13 @@ def _listed(found: list[Deviation]) -> None:
     table(rows, ("signal", "of its range", "absolute", "at", "rms", "unit"))
     for d in found:
         if d.absolute == math.inf:
-            say(f"{d.name} is no number in one of the files at {d.time:.6g} s; leave out rows without a value")
+            say(f"{d.name} is not a number in one of the files at {d.time:.6g} s; leave out rows without a value")
 
 
 def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[Deviation]:
-    """Deviations of the common (or the wanted) signals, the largest first.
+    """Deviations of the common (or the `wanted`) signals, the largest first.
 
-    Raises UsageError: AC007 when the results have no signal or no time in common, AC010 for an unknown wanted signal.
+    Raises UsageError: AC007 if the results have no signal or no time in common, AC010 for an unknown wanted signal.
     Raises UnitError: AC151 for units that do not fit.
     """
     import numpy as np
@@ -161,13 +161,13 @@ def deviations(a: Result, b: Result, wanted: list[str], floor: float) -> list[De
         x, (low, high) = np.asarray(a.at(times, name)), _between(a, times, name, either)
         other_low, other_high = map(convert, _between(b, times, name, either))
         difference = np.maximum(np.maximum(low - other_high, other_low - high), 0.0)
-        # One of them not a number: as wrong as can be. Both: the same.
+        # nan in one result is an infinite deviation, nan in both is none
         difference[np.isnan(difference)] = np.inf
         difference[np.isnan(low + high) & np.isnan(other_low + other_high)] = 0.0
         k = int(np.argmax(difference))
         finite = x[np.isfinite(x)]
         span = float(np.ptp(finite)) if finite.size else 0.0
-        # A constant has no range; its size is the measure then.
+        # a constant has no range: use its magnitude
         scale = max(span or (float(np.abs(finite).max()) if finite.size else 0.0), floor)
         rms = float(np.sqrt(np.mean(difference**2)))
         found.append(
@@ -188,7 +188,7 @@ def _conversion(name: str, a: Result, b: Result) -> Scale:
 
 
 def is_shorter(a: Result, b: Result) -> bool:
-    """Whether `b` begins later or ends earlier than `a` by more than two rows are apart: a run that broke off, say."""
+    """Whether `b` starts later or ends earlier than `a` by more than the distance of two rows, as an aborted run."""
     import numpy as np
 
     low, high = _overlap(a, b)
@@ -197,12 +197,12 @@ def is_shorter(a: Result, b: Result) -> bool:
 
 
 def _overlap(a: Result, b: Result) -> tuple[float, float]:
-    """The first and the last time that both results have."""
+    """The first and the last time that both results cover."""
     return max(float(a.time[0]), float(b.time[0])), min(float(a.time[-1]), float(b.time[-1]))
 
 
 def _times(a: Result, b: Result) -> Array:
-    """The times of the result with fewer rows that both have, each once."""
+    """The times of the result with fewer rows that both cover, each once."""
     import numpy as np
 
     coarse = a if len(a.time) <= len(b.time) else b
@@ -212,7 +212,7 @@ def _times(a: Result, b: Result) -> Array:
 
 
 def _repeated(result: Result) -> Array:
-    """Times of which a result has several rows, before and after an event."""
+    """Times with several rows, before and after an event."""
     import numpy as np
 
     return np.unique(result.time[1:][np.diff(result.time) == 0])
@@ -221,7 +221,7 @@ def _repeated(result: Result) -> Array:
 def _own_jumps(a: Result, b: Result) -> Array:
     """The repeated times of each result at which the other one may be before or after the event, shape (n,).
 
-    What both repeat at one time, to the last bit, jumps at one time: samples, and switches of sources.
+    Times that both results repeat exactly are left out: their events (samples, switches of sources) coincide.
     """
     import numpy as np
 
@@ -229,9 +229,9 @@ def _own_jumps(a: Result, b: Result) -> Array:
 
 
 def _between(result: Result, times: Array, name: str, either: Array) -> tuple[Array, Array]:
-    """The least and the largest value of a signal at `times`, shape (n,) both: before and after an event, else one.
+    """(Smallest, largest) value of a signal at `times`, shape (n,) each, of those before and after an event.
 
-    Only the events at the times `either` count, and times within rounding errors of them.
+    Only events at the times `either` count, for times within rounding errors of them; elsewhere both are equal.
     """
     import numpy as np
 
@@ -244,8 +244,8 @@ def _between(result: Result, times: Array, name: str, either: Array) -> tuple[Ar
         is_near = np.abs(times - event) <= rounding
         values, here = result[name], event[is_near]
         before = np.searchsorted(result.time, here, side="left")
-        behind = np.searchsorted(result.time, here, side="right") - 1
-        for rows in (before, behind):
+        after = np.searchsorted(result.time, here, side="right") - 1
+        for rows in (before, after):
             low[is_near] = np.minimum(low[is_near], values[rows])
             high[is_near] = np.maximum(high[is_near], values[rows])
     return low, high

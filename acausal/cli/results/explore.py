@@ -55,6 +55,6 @@ def explore(
 
 
 def labels_of(paths: list[Path]) -> list[str]:
-    """Names of the files, or as much of their paths as tells them apart."""
+    """Names of the files, or their paths where names coincide."""
     stems = [p.stem for p in paths]
     return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, paths, strict=True)]

@@ -66,11 +66,11 @@ def plot(
     from acausal.reduce.outputs import fitting
 
     names = [fit for name in signals for fit in fitting(name, loaded.names) or [name]]
-    # matplotlib only when the file is there and something is to be drawn.
+    # import matplotlib only after the file has been read
     from acausal.plot.plot import plot as draw
     from acausal.plot.plot import show
 
-    # The default never lands on the result itself: its suffix is another one.
+    # the default cannot overwrite the result, because its suffix differs
     target = file or result.with_suffix(".png")
     heading = title if title is not None or not others else ""
     drawing = draw(loaded, *names, file=target, together=together, against=against, title=heading, also=others)

@@ -1,4 +1,4 @@
-"""Time of a command: a bar on the terminal for what takes longer than a second, and seconds by stage."""
+"""Time of a command: a progress bar on the terminal after one second, and seconds by stage."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from types import TracebackType
 from typing import Any
 
 _PATIENCE = 1.0
-# What Python has already used when the command line is loaded: its own start and the imports so far. The processor's
-# time is the portable measure of it; the wall's differs when the disk is cold.
+# Time that Python has used before this module is loaded: its start and the imports so far. Processor time is the
+# portable measure of it, although the elapsed time is longer when the disk cache is cold.
 _BEFORE = time.process_time()
 _LOADED = time.perf_counter()
 
 
 class ProgressBar:
-    """What `simulate(progress=...)` calls; it draws nothing before `_PATIENCE` seconds, and nothing into a file."""
+    """Progress bar for `simulate(progress=...)`; draws nothing before `_PATIENCE` seconds, and nothing into a file."""
 
     def __init__(self, label: str, quiet: bool = False) -> None:
         self.label = label
-        # Taken now: the solver's words to stderr are caught while the bar is shown.
+        # keep the stream, because stderr is redirected while the bar is shown, to catch the messages of solvers
         self._stream = sys.stderr
         self._shown = not quiet and self._stream.isatty()
         self._bar: Any = None
@@ -33,7 +33,7 @@ class ProgressBar:
         self.show(fraction, f"{reached:.6g} s")
 
     def show(self, fraction: float, reached: str) -> None:
-        """Draw how much is done, and where that is, in words."""
+        """Draw the fraction that is done, with a text for it."""
         if not self._shown or (self._bar is None and time.perf_counter() - self._began < _PATIENCE):
             return
         self._bar = self._bar or self._started()
@@ -64,20 +64,20 @@ class ProgressBar:
 
 
 class Clock:
-    """Seconds per stage; what no stage claims is the difference to `total`."""
+    """Seconds per stage; the difference to `total` belongs to no stage."""
 
     def __init__(self) -> None:
         self.laps: dict[str, float] = {}
         self._mark = _LOADED - _BEFORE
 
     def lap(self, stage: str) -> None:
-        """Everything since the last lap, the first time since the start of the process, belongs to `stage`."""
+        """Add the time since the last lap (or the start of the process) to `stage`."""
         now = time.perf_counter()
         self.laps[stage] = self.laps.get(stage, 0.0) + now - self._mark
         self._mark = now
 
     def take(self, source: str, stages: dict[str, float]) -> None:
-        """Divide what `source` has into `stages` measured elsewhere; the rest stays with it."""
+        """Move the times of `stages`, measured elsewhere, from `source` to these stages."""
         inside = {k: v for k, v in stages.items() if v > 0.0}
         self.laps[source] = max(self.laps.get(source, 0.0) - sum(inside.values()), 0.0)
         for stage, seconds in inside.items():

@@ -1,4 +1,4 @@
-"""A run on the command line: its files, its times, its summary."""
+"""A run on the command line: its files, times and summary."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _COMPILATION = ("flatten", "reduce", "analyse", "solve", "lower")
 _MOST_STATES = 20
-_MOST_ELEMENTS = 6  # of a vector that has a row for each: a velocity and a wrench do, a field does not
+_MOST_ELEMENTS = 6  # vectors up to this size (velocities, wrenches) get a row per element, fields do not
 _STAGES = ("import", "compile", "initialize", "integrate", "observe", "save", "plot")
 
 
@@ -38,23 +38,23 @@ class Session:
     written: list[tuple[Path, str]] = field(default_factory=list)
 
     def rescue(self, error: BaseException) -> None:
-        """Keep what a failed or interrupted run has computed."""
+        """Save the partial result of a failed or interrupted run."""
         result = getattr(error, "result", None)
         if result is None or self.result_file is None:
             return
         reached = result.time[-1]
         if len(result.time) < 2:
-            remark(f"nothing to keep: the run had not left t = {reached:g} s")
+            remark(f"nothing to save: the run had not left t = {reached:g} s")
             return
         self._save(result)
-        remark(f"kept the run up to t = {reached:.6g} s ({counted(len(result.time), 'row')}) in {self.result_file}")
+        remark(f"saved the run up to t = {reached:.6g} s ({counted(len(result.time), 'row')}) in {self.result_file}")
 
     def finish(self, result: Result) -> None:
-        """Compute the observed variables, write the files, close the clock."""
+        """Compute the observed variables, and write the files."""
         times: dict[str, float] = dict(result.stats.get("time", {}))  # type: ignore[call-overload]
         inside = {k: times[k] for k in ("initialize",) if k in times}
         self.clock.take("integrate", inside)
-        # Read once here, so that saving does not pay for it in the account.
+        # compute them here, so that their time is not attributed to saving
         _ = result.matrix
         for sentence in _undefined(result):
             remark(f"note: {sentence}")
@@ -84,7 +84,7 @@ class Session:
         self.written.append((picture, counted(len(panels), "panel") if panels else "the states"))
 
     def timings(self, result: Result) -> dict[str, float]:
-        """Seconds per stage; those of the compiler are parts of `compile`."""
+        """Seconds per stage; the stages of the compiler are parts of `compile`."""
         inner: dict[str, float] = dict(result.stats.get("time", {}))  # type: ignore[call-overload]
         parts = {k: inner[k] for k in _COMPILATION if k in inner}
         known = [*parts, "initialize", "integrate"]
@@ -107,15 +107,15 @@ class Session:
     def reports(self, result: Result) -> list[tuple[str, str]]:
         """Reports of components, such as the pairs of a contact scene, by path.
 
-        Of a model whose structure changed it is what they had to say at the end.
+        For a model whose structure has changed they are those at the end.
         """
         from acausal.flatten.instances.instances import instances
         from acausal.language.choices import is_reporting
 
         last: Any = result.stats.get("reports", {})
         found = [(i.path, i.component) for i in instances(self.model)]
-        own = {path: repr(c.report()) for path, c in found if is_reporting(c)}
-        return list({**own, **last}.items())
+        initial = {path: repr(c.report()) for path, c in found if is_reporting(c)}
+        return list({**initial, **last}.items())
 
     def content(self, result: Result) -> dict[str, Any]:
         """The whole report, for `--json`."""
@@ -135,7 +135,7 @@ class Session:
         }
 
     def summary(self, result: Result, everything: bool) -> None:
-        """The table on stdout, the remarks on stderr."""
+        """Print the summary on stdout, and remarks on stderr."""
         stats = dict(result.stats)
         timings = self.timings(result)
         say(f"{self.compiled.name}: {result.time[0]:g} ... {result.time[-1]:g} s, {counted(len(result.time), 'row')}")
@@ -166,12 +166,12 @@ class Session:
         for path, what in self.written:
             remark(f"wrote {path} ({what})")
         if not self.written:
-            remark("wrote nothing; -o FILE keeps the result, --plot draws it")
+            remark("wrote nothing; -o FILE saves the result, --plot draws it")
 
 
 def _undefined(result: Result) -> list[str]:
-    """Sentences on signals that lose their value on the way; nothing is integrated from them, so the run went on."""
-    if "pieces" in result.stats:  # of changing structure: what is not in the equations has no value
+    """Sentences on signals that become undefined during the run, which continued because no state depends on them."""
+    if "pieces" in result.stats:  # with changing structure, signals outside the equations have no value
         return []
     import numpy as np
 
@@ -196,7 +196,7 @@ def _is_number(value: object) -> bool:
 
 
 def _rows(final: list[tuple[str, float, str]]) -> list[tuple[str, str]]:
-    """A row of each state, or of each vector of many elements: its least and its largest one."""
+    """A row for each state, or, with the smallest and largest element, for each vector with many elements."""
     rows: list[tuple[str, str]] = []
     for name, group in groupby(final, key=lambda state: re.sub(r"\[[^][]*\]$", "", state[0])):
         states = list(group)

@@ -1,4 +1,4 @@
-"""`acausal simulate`: one run, its summary, its files."""
+"""`acausal simulate`: a run, with its summary and files."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def simulate(
     compiled = compile(prepared.model, parameters=prepared.parameters, formulation=formulation, choices=choices or None)
     clock.lap("compile")
     session = Session(model, prepared.model, compiled, result_file, picture, clock, units)
-    # a model of changing structure is compiled again and again during its run
+    # a model with changing structure is compiled repeatedly during its run
     run: dict[str, Any] = {"model": compiled}
     if choices:
         run = {"model": prepared.model, "parameters": prepared.parameters}
@@ -120,7 +120,7 @@ def simulate(
 def _files(
     name: str, no_output: bool, output_file: Path | None, plot: bool, plot_file: Path | None
 ) -> tuple[Path | None, Path | None]:
-    """Paths of the result and the picture, checked to be writable; None for what is not wanted."""
+    """Paths of the result and the plot, checked to be writable; None if not requested."""
     if no_output and output_file is not None:
         raise UsageError("AC009", "--output-file and --no-output exclude each other")
     result_file = None if no_output else output_file or Path(f"{name}.mat")
@@ -133,10 +133,10 @@ def _files(
 
 
 def _run(session: Session, quiet: bool, options: dict[str, Any]) -> Result:
-    """Simulate and write the files; what a failed or interrupted run has computed is kept."""
+    """Simulate and write the files; partial results of a failed or interrupted run are kept."""
     from acausal.simulate.run import simulate
 
-    # CasADi and SUNDIALS comment on their failures; those are in the error, their words only in its traceback.
+    # catch the messages of CasADi and SUNDIALS on failures, and add them to the traceback of the error
     chatter = io.StringIO()
     try:
         with ProgressBar(session.compiled.name, quiet) as bar, redirect_stderr(chatter):
@@ -155,10 +155,10 @@ _MOST_STEPS = 200_000
 
 
 def paces(compiled: CompiledModel, result: Result, step: float | None, inputs: Mapping[str, float]) -> dict[str, Any]:
-    """The factor of the run itself, and of compiled fixed steps of its kind of method; simulated by computing time.
+    """Real-time factors (simulated over computing time) of the run, and of compiled fixed steps of a similar method.
 
-    Steps are those of the run, else of its experiment, else of 1 ms; each is timed. A model whose steps cannot be
-    compiled has the reason in "failure".
+    The step size is that of the run, else of its experiment, else 1 ms. If steps cannot be compiled, "failure" has the
+    reason.
     """
     import numpy as np
 
@@ -169,11 +169,11 @@ def paces(compiled: CompiledModel, result: Result, step: float | None, inputs: M
     span = float(result.time[-1] - result.time[0])
     content: dict[str, Any] = {"run_factor": span / times["integrate"], "run_time": times["integrate"]}
     size = step or compiled.flat.experiment.step or min(1e-3, span / 10)
-    own = _METHODS.get(str(result.stats["solver"]))
+    explicit = _METHODS.get(str(result.stats["solver"]))
     count = min(round(span / size), _MOST_STEPS)
     states = [name for name in compiled.states[: compiled.n_dynamic] if name in result]
-    # a Rosenbrock method is cheaper and more accurate, where it stays with the run
-    for method in (own,) if own else ("rosenbrock", "sdirk"):
+    # a Rosenbrock method is cheaper and more accurate, if it follows the run
+    for method in (explicit,) if explicit else ("rosenbrock", "sdirk"):
         try:
             made = step_function(compiled, size, method, [])
             u = np.array([inputs.get(port.name, port.start) for port in made.u])
@@ -184,11 +184,11 @@ def paces(compiled: CompiledModel, result: Result, step: float | None, inputs: M
         if count != round(span / size) or not states:
             break
         ends = dict(zip(made.x.names, x, strict=True))
-        apart = {name: abs(ends[name] - float(result.final(name))) for name in states}
-        worst = max(apart, key=lambda name: apart[name])
+        differences = {name: abs(ends[name] - float(result.final(name))) for name in states}
+        worst = max(differences, key=lambda name: differences[name])
         largest = float(np.max(np.abs(result[worst])))
-        content |= {"largest_difference": apart[worst], "worst_state": worst, "its_largest_value": largest}
-        if measured.finite and all(d <= 0.1 * float(np.max(np.abs(result[n]))) for n, d in apart.items()):
+        content |= {"largest_difference": differences[worst], "worst_state": worst, "its_largest_value": largest}
+        if measured.finite and all(d <= 0.1 * float(np.max(np.abs(result[n]))) for n, d in differences.items()):
             break
     return content
 
@@ -216,7 +216,7 @@ def say_paces(paced: Mapping[str, Any]) -> None:
         remark("note: these steps do not stay finite: the step is too large for this model and method")
     elif "largest_difference" in paced:
         say(
-            f"  states end within {paced['largest_difference']:.2g} of the run's: {paced['worst_state']}, "
+            f"  final states within {paced['largest_difference']:.2g} of the run's: {paced['worst_state']}, "
             f"whose largest value is {paced['its_largest_value']:.3g}"
         )
         if paced["largest_difference"] > 0.1 * paced["its_largest_value"]:

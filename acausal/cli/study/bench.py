@@ -95,7 +95,7 @@ def bench(
         solvers=solver,
         tolerances=tolerance,
         formulations=formulation,
-        # with tolerances alone, nothing was asked about fixed steps
+        # with tolerances alone, no fixed steps are requested
         steps=[seconds_of("step", text) or 0.0 for text in step] if step else [] if tolerance else None,
         reference=reference,
         variables=listed(signals) or None,
@@ -112,12 +112,12 @@ def bench(
         _write(found, file)
     advice = found.recommend(accuracy) if accuracy is not None else None
     if as_json:
-        told = None if advice is None else advice.record()
-        record({**found.record(), "recommendation": told, "files": [str(file) for file in output or ()]})
+        recommendation = None if advice is None else advice.record()
+        record({**found.record(), "recommendation": recommendation, "files": [str(file) for file in output or ()]})
         return
-    again = [model, *_repeated("--set", settings), *_repeated("--input", inputs)]
-    again += [*_repeated("--start-time", [start_time]), *_repeated("--stop-time", [stop_time])]
-    _summary(found, advice, shlex.join(again), recommend, details)
+    arguments = [model, *_repeated("--set", settings), *_repeated("--input", inputs)]
+    arguments += [*_repeated("--start-time", [start_time]), *_repeated("--stop-time", [stop_time])]
+    _summary(found, advice, shlex.join(arguments), recommend, details)
     if quiet:
         return
     for note in found.notes:
@@ -150,11 +150,11 @@ def _summary(found: Bench, advice: Recommendation | None, model: str, brief: boo
     if details:
         head, *rows = found.rows()
         table(rows, head, indent="  ")
-        for name, (seen, own) in found.orders.items():
-            lost = ": order reduction, by stiffness, kinks or events" if seen < 0.7 * own else ""
-            say(f"  order      {name}: observed {seen:.1f} of {own}{lost}")
+        for name, (observed, classical) in found.orders.items():
+            lost = ": order reduction, by stiffness, kinks or events" if observed < 0.7 * classical else ""
+            say(f"  order      {name}: observed {observed:.1f} of {classical}{lost}")
         parts = [f"{name} {seconds(t)}" for name, t in found.times.items() if t == t]
-        say(f"  apart      {', '.join(parts)}")
+        say(f"  besides    {', '.join(parts)}")
     if advice is not None:
         say(f"  recommended for {advice.accuracy:g}: {advice.text}")
         say(f"  acausal simulate {model} {advice.command}")

@@ -1,4 +1,4 @@
-"""`acausal export`: the model in other forms."""
+"""`acausal export`: models for other programs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def casadi(
 def _functions(
     prepared: Prepared, outputs: list[str] | None, parameters: list[str] | None, minimal: bool, events: bool
 ) -> CasadiModel:
-    """What both commands write."""
+    """The functions that `casadi` and `c` write."""
     from acausal.lower.compile import compile
 
     compiled = compile(prepared.model, parameters=prepared.parameters)
@@ -72,15 +72,15 @@ def _functions(
 
 def _show(made: CasadiModel, files: list[Path], as_json: bool, quiet: bool) -> None:
     functions = {name: str(f) for name, f in made.functions.items()}
-    _told(made, "xzupy", list(functions.values()), {"functions": functions}, files, as_json, quiet)
+    _report(made, "xzupy", list(functions.values()), {"functions": functions}, files, as_json, quiet)
 
 
 def _operations(function: Any) -> int:
-    """Operations of a call that makes all turns of its event iteration: a graph of calls counts as what it calls."""
+    """Number of operations of a call with all passes of its event iteration; called functions are included."""
     return int((function if function.is_a("SXFunction") else function.expand()).n_instructions())
 
 
-def _told(
+def _report(
     made: CasadiModel | StepFunction,
     vectors: str,
     heads: list[str],
@@ -89,7 +89,7 @@ def _told(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """What was written: `heads`, a row for each entry of the vectors, notes and files; or all of it as JSON."""
+    """Print `heads`, a row for each entry of the vectors, notes and files, or everything as JSON."""
     ports = {name: [vars(port) for port in getattr(made, name)] for name in vectors}
     if as_json:
         record({"model": made.name, **content, **ports, "notes": made.notes, "files": [*map(str, files)]})
@@ -135,7 +135,7 @@ def c(
     made = _functions(prepare(find_model(model), settings or (), freed or ()), outputs, parameters, minimal, events)
     target = folder or Path()
     texts = made.source()
-    with suppress(OSError):  # said below, with the name of the file
+    with suppress(OSError):  # reported below, with the name of the file
         target.mkdir(exist_ok=True)
     files = [target / name for name in texts]
     for file in files:
@@ -161,7 +161,7 @@ def step(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Write step(x, u, p) -> x, y as C for real time: no allocation, no loops, bounded work per call.
+    """Write step(x, u, p) -> x, y as C for real time: no allocation, bounded work per call.
 
     Example: acausal export step Pendulum --step 1ms
     """
@@ -180,4 +180,4 @@ def step(
     operations = _operations(made.function)
     head = f"{made.function}  {made.method}, {made.step:g} s, at most {operations} operations"
     content = {"method": made.method, "step": made.step, "operations": operations}
-    _told(made, "xupy", [head], content, [target], as_json, quiet)
+    _report(made, "xupy", [head], content, [target], as_json, quiet)

@@ -20,8 +20,8 @@ from acausal.language.declarations.declaration import Declaration
 if TYPE_CHECKING:
     from acausal.study.fit.fit import Fit
 
-# What is told of a fit as it stands.
-_TOLD = ("correlation", "covariance", "rms", "noise", "rows", "runs", "gradients", "notes")
+# Attributes of a fit that the JSON output has unchanged.
+_ATTRIBUTES = ("correlation", "covariance", "rms", "noise", "rows", "runs", "gradients", "notes")
 
 
 def fit(
@@ -70,7 +70,7 @@ def fit(
     twice = next((file for k, file in enumerate(data) if file in data[:k]), None)
     if twice is not None:
         raise UsageError(
-            "AC009", f"{twice} is given twice", help="it would count as two experiments, and intervals be too narrow"
+            "AC009", f"{twice} is given twice", help="it would count as two experiments, with intervals too narrow"
         )
     cls = find_model(model)
     picture = plot_file or (Path(f"{cls.__name__}.png") if plot else None)
@@ -138,7 +138,7 @@ def _content(found: Fit) -> dict[str, Any]:
                 found.names, found.units, found.guess, found.value, found.std, found.interval, strict=True
             )
         ],
-        **{name: getattr(found, name) for name in _TOLD},
+        **{name: getattr(found, name) for name in _ATTRIBUTES},
     }
 
 
@@ -166,8 +166,8 @@ def _print(found: Fit) -> None:
     ]
     table(rows, ("parameter", "guess", "found", "95 % interval", "unit"), indent="  ")
     units = {n: found.results[0].unit(n) for n in found.rms}
-    left = [(n, f"{r:.4g}", units[n]) for n, r in found.rms.items()]
-    table(left, ("signal", "rms of what is left", "unit"), indent="  ")
+    residuals = [(n, f"{r:.4g}", units[n]) for n, r in found.rms.items()]
+    table(residuals, ("signal", "rms residual", "unit"), indent="  ")
     if len(found.names) > 1:
         entries = [
             (f"{a} ~ {b}", f"{found.correlation[i, k]:.3f}")

@@ -30,7 +30,7 @@ def linearize(
     as_json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Linearize a model: x' = A x + B u, y = C x + D u, in deviations from a point, with the eigenvalues of A.
+    """Linearise a model: x' = A x + B u, y = C x + D u, in deviations from a point, with the eigenvalues of A.
 
     Without --at the point is the start; with it the model is simulated up to that time first.
 
@@ -70,7 +70,7 @@ def _content(found: Linearization) -> dict[str, Any]:
 
 
 def _mode(e: complex) -> dict[str, float]:
-    """An eigenvalue with its frequency [Hz] and damping ratio; the ratio of an eigenvalue of zero is 1."""
+    """An eigenvalue with its frequency [Hz] and damping ratio, which is 1 for an eigenvalue of zero."""
     size = abs(e)
     return {
         "real": e.real,

@@ -1,4 +1,4 @@
-"""`acausal reduce`: the smallest model that gives wanted outputs."""
+"""`acausal reduce`: the smallest model that computes the requested outputs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def reduce(
     names = listed([*(outputs or ()), *(more or ())])
     if not names or not outputs:
         raise UsageError(
-            "AC018", "no outputs are asked for", help=f"acausal reduce {model} --outputs a,b; acausal info lists names"
+            "AC018", "no outputs are requested", help=f"acausal reduce {model} --outputs a,b; acausal info lists names"
         )
     prepared = prepare(find_model(model), settings or ())
     from acausal.study.reduction.reduction import reduce as reduced

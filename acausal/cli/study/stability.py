@@ -1,4 +1,4 @@
-"""`acausal stability`: where methods fail on a model, and which solver to take."""
+"""`acausal stability`: which methods fail on a model, and which solver to use."""
 
 from __future__ import annotations
 

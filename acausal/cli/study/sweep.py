@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from acausal.study.sweep.family import Progress, Sweep
 
 
-# Seconds between two lines of progress where there is no terminal.
+# Seconds between two lines of progress without a terminal.
 _PAUSE = 10.0
 _MOST_LINES = 12
 
@@ -102,7 +102,7 @@ def sweep(
     _check_files(file, table_file, picture)
     from acausal.study.sweep.sweep import sweep as made_by
 
-    chatter, shown = io.StringIO(), _Shown(cls.__name__, quiet)
+    chatter, shown = io.StringIO(), _ShownProgress(cls.__name__, quiet)
     try:
         with shown.bar, redirect_stderr(chatter):
             found = made_by(
@@ -129,7 +129,7 @@ def sweep(
             )
     except KeyboardInterrupt:
         if (last := shown.last) is not None:
-            remark(f"kept {last.done} of {counted(last.total, 'member')} in {file}: --resume goes on with it")
+            remark(f"saved {last.done} of {counted(last.total, 'member')} in {file}: --resume continues it")
         raise
     written = [file]
     if table_file is not None:
@@ -173,22 +173,22 @@ def _check_files(file: Path, table_file: Path | None, picture: Path | None) -> N
         check_picture(picture)
 
 
-class _Shown:
-    """Progress: a bar on a terminal, elsewhere a line from time to time."""
+class _ShownProgress:
+    """Progress: a bar on a terminal, otherwise a line from time to time."""
 
     def __init__(self, label: str, quiet: bool) -> None:
         self.bar = ProgressBar(label, quiet)
         self.last: Progress | None = None
         self._lines = not quiet and not sys.stderr.isatty()
-        self._stream, self._said = sys.stderr, time.perf_counter()
+        self._stream, self._last_line = sys.stderr, time.perf_counter()
 
     def __call__(self, progress: Progress) -> None:
         self.last = progress
         failed = f", {progress.failed} failed" if progress.failed else ""
         text = f"{progress.done} of {progress.total}{failed}"
         self.bar.show(progress.done / progress.total, text)
-        if self._lines and time.perf_counter() - self._said > _PAUSE:
-            self._said = time.perf_counter()
+        if self._lines and time.perf_counter() - self._last_line > _PAUSE:
+            self._last_line = time.perf_counter()
             print(f"{text}, {seconds(progress.remaining)} to go", file=self._stream, flush=True)
 
 
@@ -208,7 +208,7 @@ def _summary(found: Sweep, last: Progress | None) -> None:
         for s in found.signals[:_MOST_LINES]:
             values = found.final(s.name)[ok]
             rows.append((s.name, *(quantity(float(v), s.unit) for v in np.quantile(values, [0.0, 0.5, 1.0]))))
-        table(rows, ("", "least", "median", "most"), indent="  ")
+        table(rows, ("", "smallest", "median", "largest"), indent="  ")
 
 
 def _content(found: Sweep) -> dict[str, object]:
@@ -229,10 +229,9 @@ _FORMS = "PATH=LOW:HIGH:COUNT, PATH=log:LOW:HIGH:COUNT, PATH=A,B,C or PATH=norma
 
 
 def variations_of(model: Component, texts: Sequence[str] | None) -> dict[str, Any]:
-    """What to vary by path in SI, as `acausal.sweep` takes it.
+    """Variations by path in SI, for `acausal.sweep`, from texts PATH=VALUES.
 
-    Raises UsageError: AC009 for texts that are none of these, AC060 for ranges that make no sense, AC150 to AC152 for
-    units.
+    Raises UsageError: AC009 for invalid texts, AC060 for invalid ranges, AC150 to AC152 for units.
     """
     declared = declarations(model)
     found: dict[str, Any] = {}
@@ -276,4 +275,4 @@ def _variation(text: str, values: str, declared: Declaration | None) -> Any:
 
 
 def _unreadable(text: str) -> UsageError:
-    return UsageError("AC009", f"--vary {text}: no variation", help=f"write {_FORMS}")
+    return UsageError("AC009", f"--vary {text}: invalid variation", help=f"write {_FORMS}")

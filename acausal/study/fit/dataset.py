@@ -104,7 +104,7 @@ def _from_frame(frame: Any) -> dict[str, TimeSeries]:
         if k == clock:
             continue
         if name in found:
-            raise UsageError("AC055", f"the measurements have two columns '{name}'", help="give each a name of its own")
+            raise UsageError("AC055", f"the measurements have two columns '{name}'", help="give each its own name")
         try:
             values = frame.iloc[:, k].to_numpy(dtype=np.float64)
         except (TypeError, ValueError) as error:
