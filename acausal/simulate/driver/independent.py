@@ -189,7 +189,7 @@ class Member:
         if is_compiled or not is_smooth or len(times) <= _MOST_UNINTERPOLATED:
             return self._integrated(regime, segment)
         mesh = segment.start + segment.length * _FRACTIONS
-        states = self._integrated(regime, replace(segment, times=mesh, shares=_FRACTIONS))
+        states = self._integrated(regime, replace(segment, times=mesh, fractions=_FRACTIONS))
         nodes, values = np.append(segment.start, mesh), np.column_stack([segment.x, states]).T
         size = np.abs(values[np.searchsorted(nodes, times).clip(1, _POINTS) - 1])
         n = problem.n_dynamic

@@ -168,7 +168,7 @@ class _Search:
             later = remaining.times[remaining.times > here]
             if not len(later):
                 return _joined(parts)
-            remaining = replace(remaining, start=here, times=later, x=x, z=z, shares=None, first=0.0)
+            remaining = replace(remaining, start=here, times=later, x=x, z=z, fractions=None, first=0.0)
             reach = here + length
 
     def is_clear(self, segment: Segment, piece: Piece) -> bool:
@@ -227,7 +227,7 @@ class _Search:
         """
         # with fewer rows, which resolve fewer functions, most pieces would have to be solved once more
         count = max(_FEWEST_ROWS, min(2 * int(piece.counters.get("steps", 0.0)), self._most))
-        refined = _refined(replace(segment, shares=None, partial=False, step_budget=None, first=0.0), count)
+        refined = _refined(replace(segment, fractions=None, partial=False, step_budget=None, first=0.0), count)
         for factor in (1.0, _STRICTER):
             tolerances = segment.tolerances.scaled(factor, least=_LEAST_TOLERANCE)
             try:
@@ -258,7 +258,7 @@ class _Search:
         candidates, is_unpredicted = _NO_CANDIDATES if is_long else self._candidates(refined, rows, steps)
         count = min(2 * steps, self._most)  # rows that are farther apart than steps leave too much open between them
         has_few_rows = len(rows.times) < min(steps, count // 2)
-        if is_unpredicted.any() and has_few_rows and refined.shares is None and not refined.partial:
+        if is_unpredicted.any() and has_few_rows and refined.fractions is None and not refined.partial:
             refined = _refined(refined, count)
             piece = self.solve(self.problem, refined)
             rows = self._rows(refined, piece)
@@ -285,12 +285,12 @@ class _Search:
     def _resolved(self, segment: Segment) -> tuple[Segment, Piece, _Rows]:
         """Solve a segment with enough rows to resolve the arguments, as far as the limits allow."""
         refined = segment
-        if segment.shares is None and len(segment.times) < _FEWEST_ROWS:
+        if segment.fractions is None and len(segment.times) < _FEWEST_ROWS:
             refined = _refined(segment, _FEWEST_ROWS)
-        elif segment.shares is not None and not segment.partial:  # to a located event, from the last mesh point
+        elif segment.fractions is not None and not segment.partial:  # to a located event, from the last mesh point
             fractions = even(_FEWEST_ROWS)
             times = segment.start + fractions * (segment.times[-1] - segment.start)
-            refined = replace(segment, times=np.append(times[:-1], segment.times[-1]), shares=fractions)
+            refined = replace(segment, times=np.append(times[:-1], segment.times[-1]), fractions=fractions)
         while True:
             piece = self.solve(self.problem, refined)
             rows = self._rows(refined, piece)
@@ -298,7 +298,7 @@ class _Search:
                 return refined, piece, rows
             if max(len(refined.times) * _REFINEMENT, piece.counters.get("steps", 0.0)) > self._most:
                 return refined, piece, rows
-            refined = _refined(replace(refined, shares=None, first=0.0), _REFINEMENT * len(refined.times))
+            refined = _refined(replace(refined, fractions=None, first=0.0), _REFINEMENT * len(refined.times))
 
     def _resolve_arguments(self, segment: Segment, rows: _Rows) -> bool:
         """Whether the rows resolve the arguments: whether polynomials through every other row predict those between."""
@@ -557,7 +557,7 @@ class _Search:
         budget = _MOST_STEPS_AGAIN if self.problem.compiled.algebraic else None
         for stop in _distinct_stops(stops, np.append(here, times_again)):
             times = times_again[(times_again > here) & (times_again < stop)]
-            requested = replace(segment, start=here, times=np.append(times, stop), x=x, z=z, shares=None, first=0.0)
+            requested = replace(segment, start=here, times=np.append(times, stop), x=x, z=z, fractions=None, first=0.0)
             piece = self.solve(self.problem, replace(requested, partial=False, step_budget=budget))
             keep = np.isin(requested.times, times_again)
             parts.append(Piece(piece.x[:, keep], piece.z[:, keep], piece.counters))

@@ -139,7 +139,7 @@ class CasadiSolver:
         # a right-hand side that contains a rootfinder stays interpreted
         kind = self.native if self.algebraic or not problem.compiled.algebraic else "nothing"
         units = self.units(problem, segment)
-        unit = unit_of_time(segment.start, segment.times) if self.merges_outputs and segment.shares is None else 1.0
+        unit = unit_of_time(segment.start, segment.times) if self.merges_outputs and segment.fractions is None else 1.0
         if unit != 1.0:
             dae = problem.scaled.in_unit_of_time(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
@@ -152,7 +152,7 @@ class CasadiSolver:
                 x, z, stats = code.run(x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first)
                 return x, z * units, stats
         elif kind == "equations":
-            library = native.oracle(self.plugin, settings, None if segment.shares is None else stretched)
+            library = native.oracle(self.plugin, settings, None if segment.fractions is None else stretched)
             if library is not None:
                 dae, p = library.run, library.vector(problem.p, problem.u, problem.numbers(*point))
         equations, extra, p = problem.scaled, {}, problem.vector(*point) if p is None else p
@@ -166,9 +166,9 @@ class CasadiSolver:
             settings = {**settings, **beginning(segment)}
         if units is not None:
             dae, z0, p = equations.in_units(dae), z0 / units, np.concatenate([p, units])
-        if segment.shares is not None:
+        if segment.fractions is not None:
             dae = equations.stretched(dae) if library is None else dae
-            settings, grid = in_relative_time(segment, settings), UNIT * segment.shares
+            settings, grid = in_relative_time(segment, settings), UNIT * segment.fractions
         order, began = None, seconds()
         if self.multistep:
             settings = {**settings, "linear_solver": "qr"}
@@ -182,7 +182,7 @@ class CasadiSolver:
         integrator = equations.integrator(self.plugin, dae, grid, settings, **options)
         seconds_to_make = seconds() - began
         arguments = {"x0": x0, "z0": z0, "p": p} if self.algebraic else {"x0": x0, "p": np.concatenate([p, z0])}
-        if segment.shares is not None:
+        if segment.fractions is not None:
             arguments["p"] = np.append(arguments["p"], segment.length)
         try:
             (x, z), stats = integrator({**arguments, **extra}, ("xf", "zf"), partial=segment.partial)
@@ -255,14 +255,14 @@ def growth(
 def _all_states(problem: Problem, segment: Segment, x: Vector) -> Vector:
     """Return all states at the output times: those of the coupled system, quadratures, and discrete variables.
 
-    On a relative grid (`Segment.shares`), which only serves to locate events, quadratures keep their start values.
+    On a relative grid (`Segment.fractions`), which only serves to locate events, quadratures keep their start values.
     """
     n, nq = problem.n_dynamic, problem.compiled.quadratures
     if len(segment.x) == n:
         return x
     all_x = np.empty((len(segment.x), x.shape[1]))
     all_x[:n], all_x[n:] = x, segment.x[n:, None]
-    if nq and segment.shares is None:
+    if nq and segment.fractions is None:
         all_x[n : n + nq] = quadratures_at(problem, segment)
     return all_x
 

@@ -53,7 +53,7 @@ class Idas(CasadiSolver):
             "abstol": segment.tolerances.absolute,
             # the start is already consistent, and IDACalcIC fails on some starts that acausal's own start system solves
             "calc_ic": False,
-            **({"init_xdot": self.rates(problem, segment)} if segment.shares is None else {}),
+            **({"init_xdot": self.rates(problem, segment)} if segment.fractions is None else {}),
             "suppress_algebraic": True,
             # Algebraic variables are outside the error test, so only the convergence test keeps them accurate. With
             # IDA's default of 0.33, a drill that falls 8 mm before contact passes through the block at some tolerances

@@ -29,7 +29,7 @@ class Segment:
         The first step [s]; 0 to have it estimated.
     partial
         Return the rows before a failure (see `Piece`); a failure before the first row still is a RuntimeError.
-    shares
+    fractions
         The times as fractions of the length, if they are one of a few grids whose integrators are cached. Quadratures
         then keep their start values, and IDAS begins without derivatives: it needs a `first` step in which the states
         change by less than their tolerance.
@@ -46,7 +46,7 @@ class Segment:
     step_budget: int | None = None
     first: float = 0.0
     partial: bool = False
-    shares: Vector | None = None
+    fractions: Vector | None = None
 
     @property
     def length(self) -> float:

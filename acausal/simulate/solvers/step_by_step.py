@@ -22,7 +22,7 @@ def step_by_step(solve: Callable[[Segment], Piece], problem: Problem, segment: S
 
     `step` is the fixed step [s]. Raises RuntimeError at that step, unless the segment is `partial` and has rows before.
     """
-    step_ends = segment.times if segment.shares is not None else _every_step(segment, step)
+    step_ends = segment.times if segment.fractions is not None else _every_step(segment, step)
     try:
         piece = solve(replace(segment, times=step_ends))
     except Interrupted as stop:

@@ -46,13 +46,13 @@ def resolution(t: float, span: float) -> float:
     return float(_ROUNDINGS * np.spacing(max(abs(t), span)))
 
 
-def most(problem: Problem, fixed: bool = False) -> int:
+def most_points(problem: Problem, fixed: bool = False) -> int:
     """The most mesh points of one call of a solver, with `fixed` steps or with steps that it chooses."""
     return int(np.clip(_NUMBERS / (1 + problem.n_dynamic + len(problem.scale_z)), 32, _STEPS if fixed else _POINTS))
 
 
 @cache
-def shares(ramps: int, count: int) -> Vector:
+def grid(ramps: int, count: int) -> Vector:
     """Mesh points at growing distances, as fractions of the time from their start to the last.
 
     Each of the first `ramps` is four times as far from the start as the one before; then come `count` more, the first
@@ -83,7 +83,7 @@ def _reaches(most: int) -> tuple[NDArray[np.int64], Vector]:
 
 
 def growing(length: float, first: float, spacing: float, most: int, least: float) -> tuple[float, Vector]:
-    """How far mesh points reach, at most over a `length` [s], and their fractions of that (`shares`).
+    """How far mesh points reach, at most over a `length` [s], and their fractions of that (`grid`).
 
     `first`: The first step of the solver [s]; inf if it begins with steps of any length.
     `spacing`, `most`: The distance of mesh points after the ramp [s], and the largest number of them.
@@ -99,12 +99,12 @@ def growing(length: float, first: float, spacing: float, most: int, least: float
     ramps = math.ceil(math.log(max(spacing / d, 1.0), _RAMP) - 1e-9)
     while ramps > 0 and spacing * _RAMP**-ramps < least:
         ramps -= 1
-    return min(float(reach[k]), length), shares(min(ramps, _MOST_RAMPS), int(counts[k]))
+    return min(float(reach[k]), length), grid(min(ramps, _MOST_RAMPS), int(counts[k]))
 
 
-def begun(shares: Vector, length: float, first: float) -> float:
+def first_step_on(fractions: Vector, length: float, first: float) -> float:
     """The first step on a grid of mesh points: that of the grid if it is close to `first`, so that few steps differ."""
-    grid_step = float(shares[0]) * length / _FIRST
+    grid_step = float(fractions[0]) * length / _FIRST
     return grid_step if 0.99 * first <= _RAMP * grid_step <= _RAMP * first else min(first, length)
 
 

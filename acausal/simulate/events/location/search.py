@@ -246,25 +246,25 @@ class Search:
         if task.finer:  # a small error of a stiff variable may move the instant of its guard far
             part = replace(part, tolerances=segment.tolerances.scaled(task.tolerance_factor, least=_FINEST))
             until, spacing = task.finer[-1]
-            length, shares = until - here, meshing.even(max(2, round((until - here) / spacing)))
+            length, fractions = until - here, meshing.even(max(2, round((until - here) / spacing)))
             first = self._first(task, part, length) if self.solver.multistep else 0.0
             part = replace(part, first=first, step_budget=_MOST_STEPS_AGAIN)
         elif segment.step is not None:
-            count = max(1, int(meshing.most(problem, fixed=True) * task.shrink))
+            count = max(1, int(meshing.most_points(problem, fixed=True) * task.shrink))
             marks, times = meshing.merged(meshing.stepped(here, outputs, limit, segment.step, count), outputs)
             return marks, replace(part, times=times)
         else:
             spacing = task.shrink * min(self._spacing(task), (limit - here) / 64)
             first = self._first(task, part, limit - here)
-            length, shares = meshing.growing(limit - here, first, spacing, meshing.most(problem), least)
-            begun = meshing.begun(shares, length, first)
-            doublings = math.ceil(math.log2(max(float(shares[0]) * length / begun, 16.0))) - 4
-            part = replace(part, first=begun, step_budget=task.steps_allowed + 4 * math.ceil(doublings / 4))
+            length, fractions = meshing.growing(limit - here, first, spacing, meshing.most_points(problem), least)
+            first_step = meshing.first_step_on(fractions, length, first)
+            doublings = math.ceil(math.log2(max(float(fractions[0]) * length / first_step, 16.0))) - 4
+            part = replace(part, first=first_step, step_budget=task.steps_allowed + 4 * math.ceil(doublings / 4))
             until = limit if length == limit - here else here + length
-        marks = np.asarray(here + length * shares)
+        marks = np.asarray(here + length * fractions)
         marks[-1] = until
         if segment.step is None:
-            return marks, replace(part, times=marks, shares=shares)
+            return marks, replace(part, times=marks, fractions=fractions)
         marks, times = meshing.merged(marks, outputs)
         return marks, replace(part, times=times)
 
@@ -283,13 +283,13 @@ class Search:
         return task.shrink * meshing.first_step(task.moment.regime.problem, part, horizon)
 
     def _solved(self, regime: Regime, segment: Segment) -> Piece:
-        """Integrate with a cached integrator; if it fails, with one that begins with derivatives (`shares` is None)."""
+        """Integrate with a cached integrator; if it fails, with one that begins with derivatives (no `fractions`)."""
         try:
             return self.integrate(regime, segment)
         except RuntimeError as error:
-            if segment.shares is None or "TOO_MUCH_WORK" in str(error):
+            if segment.fractions is None or "TOO_MUCH_WORK" in str(error):
                 raise
-            return self.integrate(regime, replace(segment, shares=None, first=0.0))
+            return self.integrate(regime, replace(segment, fractions=None, first=0.0))
 
     def _attempted(self, regime: Regime, segment: Segment) -> Piece:
         try:
@@ -331,7 +331,7 @@ class Search:
 
     def _mesh_rows(self, part: Segment, count: int, marks: Vector) -> NDArray[np.int64]:
         """Which of the first `count` rows are mesh points."""
-        if part.shares is not None or marks is part.times:
+        if part.fractions is not None or marks is part.times:
             return np.arange(count)
         reached = marks[: np.searchsorted(marks, part.times[count - 1], side="right")]
         return np.searchsorted(part.times[:count], reached)
@@ -436,7 +436,7 @@ class Search:
         passed = int(np.searchsorted(segment.times, here, side="right"))
         due = segment.times[:passed]
         x, z = self._rows(task, part, piece, due, counters)
-        if part.shares is None:
+        if part.fractions is None:
             task.quadratures_from = replace(task.quadratures_from, start=here, x=piece.x[:, keep - 1])
         else:
             self._add_quadratures(task, due, x)
@@ -537,8 +537,8 @@ class Search:
 
     def _up_to(self, part: Segment, t: float) -> Segment:
         """The same segment with `t` as its only row."""
-        shares = None if part.shares is None else meshing.even(1)
-        return replace(part, times=np.array([t]), shares=shares, partial=False, step_budget=None)
+        fractions = None if part.fractions is None else meshing.even(1)
+        return replace(part, times=np.array([t]), fractions=fractions, partial=False, step_budget=None)
 
     def _rows(
         self, task: _Task, part: Segment, piece: Piece, due: Vector, counters: dict[str, float]
@@ -568,7 +568,7 @@ class Search:
             k = int(np.searchsorted(nodes, due[at[0]])) - 1
             other = replace(segment, start=float(nodes[k]), times=due[at], x=xs[:, k], z=zs[:, k], first=0.0)
             try:
-                solved = self.integrate(regime, replace(other, partial=False, step_budget=None, shares=None))
+                solved = self.integrate(regime, replace(other, partial=False, step_budget=None, fractions=None))
             except RuntimeError as error:
                 raise _NotDelivered(str(error)) from None
             x[:n, at], z[:, at] = solved.x[:n], solved.z
