@@ -41,10 +41,22 @@ class Sheet:
     decimal: str
 
     def rows(self) -> list[tuple[int, list[str]]]:
-        """(Line number, cells) of every row, with a point as decimal sign."""
+        """(Line number, cells) of every row, with a point as decimal sign.
+
+        Raises UsageError: AC045 for a row with more values than there are names. They are not left out, because a
+        decimal comma makes two values of one.
+        """
         table = csv.reader((line for _, line in self.lines), delimiter=self.delimiter)
         cells = [[cell.strip().replace(self.decimal, ".") for cell in row] for row in table]
-        return list(zip((k for k, _ in self.lines), cells, strict=False))
+        rows = list(zip((k for k, _ in self.lines), cells, strict=False))
+        for line, row in rows:
+            if any(row[len(self.names) :]):
+                raise UsageError(
+                    "AC045",
+                    f"{self.path}:{line}: {len(self.names)} names and {len(row)} columns",
+                    help="where numbers have decimal commas, separate them by semicolons or tabs",
+                )
+        return rows
 
     def numbers(self, rows: Sequence[tuple[int, list[str]]], columns: Sequence[int]) -> Array:
         """Columns of these rows as numbers, without conversion of units; shape (len(rows), len(columns)).
@@ -166,11 +178,7 @@ def read_csv(path: Path) -> Table:
         data = np.loadtxt(texts, delimiter=sheet.delimiter, ndmin=2)
     if data is None or data.shape[1] != len(sheet.names):
         # numpy does not report the line of a bad cell: read again cell by cell for an error with the line
-        rows = sheet.rows()
-        for line, row in rows:
-            if len(row) != len(sheet.names):
-                raise UsageError("AC045", f"{path}:{line}: {len(sheet.names)} names and {len(row)} columns")
-        data = sheet.numbers(rows, range(len(sheet.names)))
+        data = sheet.numbers(sheet.rows(), range(len(sheet.names)))
     time = sheet.seconds(data[:, sheet.clock])
     others = [k for k in range(len(sheet.names)) if k != sheet.clock]
     signals = {sheet.names[k]: Signal(sheet.names[k], sheet.units[k], column=i) for i, k in enumerate(others)}

@@ -443,6 +443,7 @@ def test_decimal_commas(tmp_path: Path, lag: Any) -> None:
         ("time,v\n0,0\n1,x\n", "u.csv:3: v is 'x'"),
         ("time,v,w\n0,0,0\n1,1,1\n", "2 columns besides the time"),
         ("time,v\n", "no row of numbers"),
+        ("time,v\n0,0,5\n1,1,5\n", "u.csv:2: 2 names and 3 columns"),  # decimal commas
     ],
 )
 def test_a_wrong_file_is_named(tmp_path: Path, lag: Any, text: str, words: str) -> None:
