@@ -219,7 +219,8 @@ class Run:
         notes = self.rounding_notes(recorder, opts.stop_time) if long else ()
         controlled = not self.solver.fixed_step and opts.step is None
         unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
-        meeting = crossed_branches(self.problem, recorder, not controlled, self.solver.algebraic)
+        step = None if controlled else opts.step
+        meeting = crossed_branches(self.problem, recorder, self.rows_again, step, self.solver.algebraic)
         unknown = (*unknown, *(singular_positions(recorder) or meeting))
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
@@ -415,6 +416,12 @@ class Run:
         regime = self.hybrid.regime_at(here)
         piece = self.integrate(regime.problem, segment)
         return piece, regime.modes(times, piece.x, piece.z, m)
+
+    def rows_again(self, row: int, times: Vector) -> tuple[Vector, ...]:
+        """Times, states, algebraic variables and modes integrated again from a row; RuntimeError where that fails."""
+        assert self.recorder is not None, "a run that is over has rows"
+        piece, m = self.again(self.recorder, row, times)
+        return times, piece.x, piece.z, np.tile(m[:, None], (1, len(times))) if m.ndim == 1 else m
 
     def rounding_notes(self, recorder: Recorder, reached: float) -> tuple[str, ...]:
         """A note on a run of many steps up to `reached` [s] if its tolerance is below the attainable accuracy."""

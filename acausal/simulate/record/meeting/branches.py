@@ -32,12 +32,11 @@ from acausal.result.result import Result
 from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
+from acausal.simulate.record.meeting.between import UNTOLD, Again, Rows, rows_between
 from acausal.simulate.record.meeting.kinked import meeting_at_kinks
 from acausal.simulate.record.record import Recorder
 
 _WAYS = "a run may go straight on or turn off into another one"
-
-Rows = tuple[Vector, ...]  # times, states, algebraic variables, modes; columns are instants
 
 _DENSE = 100  # unknowns of a block whose determinants are those of a whole matrix
 _LEAST, _CHEAP = 64, 1e5  # rows that are looked at in any case, and operations that cost nothing beside a run
@@ -169,15 +168,30 @@ def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
     return options.start_time + step * np.unique(np.linspace(1, count, min(count, _LEAST)).astype(int))
 
 
-def crossed_branches(problem: Problem, recorder: Recorder, is_fixed: bool, is_implicit: bool) -> tuple[str, ...]:
+def crossed_branches(
+    problem: Problem, recorder: Recorder, again: Again, step: float | None, is_implicit: bool
+) -> tuple[str, ...]:
     """The note on points between the rows of a run at which solutions of algebraic equations cross.
 
-    `is_fixed`: Whether its steps are fixed: no step ends at a kink.
+    `again`: The run once more, from one of its rows on.
+    `step`: Of fixed steps [s]: none of them ends at a kink.
     `is_implicit`: Whether algebraic variables are unknowns of its steps. Where these are fixed, too, the run itself may
     take a near miss for a crossing: stages may stay on another solution than their ends. The sum of these is then
     wrong, though all rows solve the equations.
     """
-    found = [*meeting_at_kinks(problem, recorder), *_meeting(problem, recorder, is_fixed, is_fixed and is_implicit)]
+    compiled, found = problem.compiled, meeting_at_kinks(problem, recorder)
+    blocks = _blocks(compiled) if compiled.algebraic and recorder.count >= 4 else None
+    left_out: float | None = None
+    if blocks is not None:
+        whole = _distinct(recorder, blocks.modes)
+        steps = recorder.counters.get("steps", len(whole[0]))
+        found += _meeting(problem, blocks, whole, steps, step is not None, step is not None and is_implicit)
+        if not found:
+            closer, left_out = rows_between(problem, recorder, whole, again, step)
+            for part in closer:
+                found += _meeting(problem, blocks, part, steps, step is not None, step is not None and is_implicit)
+    if not found and left_out is not None:
+        return (UNTOLD.format(left_out),)
     if not found:
         return ()
     t, moved = min(found)
@@ -190,18 +204,13 @@ def crossed_branches(problem: Problem, recorder: Recorder, is_fixed: bool, is_im
 
 
 def _meeting(
-    problem: Problem, recorder: Recorder, is_fixed: bool, is_coarse: bool
+    problem: Problem, blocks: _Blocks, whole: Rows, steps: float, is_fixed: bool, is_coarse: bool
 ) -> list[tuple[float, tuple[int, ...]]]:
     """Instants at which solutions meet, and the unknowns in which they differ."""
-    compiled = problem.compiled
-    blocks = _blocks(compiled) if compiled.algebraic and recorder.count >= 4 else None
-    if blocks is None:
-        return []
-    whole = _distinct(recorder, blocks.modes)
-    count = len(whole[0])
+    compiled, count = problem.compiled, len(whole[0])
     work = _CALL + blocks.slopes.n_instructions() + sum(len(b.row) * len(b.columns) for b in blocks.blocks)
     # as many as the solver has made steps: where there are fewer steps than rows, the rows tell little more
-    most = int(max(_LEAST, recorder.counters.get("steps", count), _CHEAP / work))
+    most = int(max(_LEAST, steps, _CHEAP / work))
     some = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
     joined = _joined(whole, blocks.modes, some)
     at = tuple(a[..., some] for a in whole)
