@@ -23,6 +23,7 @@ from acausal import (
     minimum,
     signal_input,
     sin,
+    sqrt,
     structural,
     variable,
     where,
@@ -135,6 +136,32 @@ def test_few_rows_are_enough(solver: str) -> None:
     assert result.time == pytest.approx([0.0, 0.6, 1.2, 1.8, 2.0])
 
 
+class Fast(Component):
+    """y (x - y) == 0, where x(s) passes zero within a thousandth of s = 0, the instant t = 0.517 s."""
+
+    path: str = structural(default="pulse")
+    s: Real = variable(default=fixed(-0.517))
+    x: Real = variable(default=guess(-1.0))
+    y: Real = variable(default=guess(-1.0))
+    w: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.s) == 1.0
+        yield der(self.w) == self.y
+        s = self.s / 1e-3
+        yield self.x == (s / sqrt(1.0 + s**2) if self.path == "step" else 1.5 / (1.0 + s**2) - 1.0)
+        yield self.y * (self.x - self.y) == 0.0
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rk"])
+@pytest.mark.parametrize("path", ["pulse", "step"])
+def test_what_happens_between_two_rows_is_looked_at(path: str, solver: str) -> None:
+    """Rows tell nothing of either: before and behind the pulse y is -1, and where it turned off it stays 0."""
+    steps: dict[str, Any] = {"step": 5e-4} if solver == "rk" else {}
+    result = acausal.simulate(Fast(path=path), stop_time=1.0, solver=solver, output_interval=0.05, **steps)
+    assert noted(result) or "more happens than they tell" in str(result.stats["notes"])
+
+
 class Large(Component):
     """A ring of many unknowns, all of which are c y, on one of the solutions of y (x - v[0]) == 0."""
 
@@ -164,6 +191,14 @@ def test_exported_steps_say_where_solutions_meet(equation: str) -> None:
         said.append(float(y[flag]))
     assert said[0] == 0.0
     assert max(said[2:5]) == 1.0
+
+
+@pytest.mark.parametrize("method", ["rk4", "sdirk"])
+def test_an_exported_step_that_begins_where_solutions_meet_says_so(method: str) -> None:
+    """The slope of y (x - y) is zero there, so that Newton's method gives nan."""
+    made = acausal.step_function(acausal.compile(Crossing(x=fixed(-0.0337))), 0.01, method)
+    begins = [0.0 if name in ("x", "y", "z") else value for name, value in zip(made.x.names, made.x.start, strict=True)]
+    assert float(made.function(begins, [], made.p.start)[1][made.y.position("step.unconverged")]) == 1.0
 
 
 def test_exported_steps_say_at_which_events_solutions_meet() -> None:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -215,12 +215,13 @@ class Problem:
         self, states: Callable[[float], Vector], start: float, times: Vector, z: Vector, numbers: Vector
     ) -> Vector:
         """Algebraic variables, shape (nz, n), along states that are a function of time; all scaled."""
+        at = lru_cache(1)(states)  # a solution is looked for and checked at one instant after the other
 
         def solve(t: float, guess: Vector) -> Vector:
-            return self._root(guess, t, states(t), numbers)
+            return self._root(guess, t, at(t), numbers)
 
         def holds(t: float, value: Vector) -> bool:
-            return self._holds(t, states(t), value, numbers)
+            return self._holds(t, at(t), value, numbers)
 
         return followed(solve, holds, start, times, z)
 

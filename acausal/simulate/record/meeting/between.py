@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.simulate.equations.function_cache import functions_of
@@ -20,10 +19,10 @@ Rows = tuple[Vector, ...]  # times, states, algebraic variables, modes; columns 
 Again = Callable[[int, Vector], Rows]  # the run from one of its rows on, at some times behind it
 
 UNTOLD = (
-    "between two rows near t = {:.4g} s more happens than they tell, and the run cannot be asked for all of it: whether "
-    "solutions of algebraic equations meet there is not known; compare with a smaller output_interval"
+    "between two rows near t = {:.4g} s more happens than they tell, and the run cannot be asked for all of it: "
+    "whether solutions of algebraic equations meet there is not known; compare with a smaller output_interval"
 )
-_CALLS = 16  # times that a run is asked again
+_CALLS, _EACH = 16, 8  # times that a run is asked again, but once for so many of its steps
 _POINTS = 48  # rows between two others, but all steps of a fixed length, at most `_STEPS`
 _STEPS = 5000
 _DEPTH = 3  # how often rows are put between rows
@@ -37,8 +36,11 @@ def rows_between(
 ) -> tuple[list[Rows], float | None]:
     """Rows of the run between some of its rows, and an instant near which too many would have been needed."""
     found: list[Rows] = []
-    waiting = [(0, whole, k) for k in _untold(problem, whole, step)]
-    while waiting and len(found) < _CALLS:
+    states, others = whole[1][: problem.n_dynamic], whole[2]
+    sizes = np.append(_OFF * _size(states, problem.scale_x), _JUMP * _size(others, problem.scale_z))
+    waiting = [(0, whole, k) for k in _untold(problem, whole, sizes, step)]
+    most = max(_CALLS, recorder.counters.get("steps", len(whole[0])) / _EACH)
+    while waiting and len(found) < most:
         depth, at, k = waiting.pop(0)
         a, b = at[0][k : k + 2].tolist()
         count = _POINTS if step is None else int(np.ceil((b - a) / step - 1e-9))
@@ -52,33 +54,35 @@ def rows_between(
         part = tuple(np.concatenate([rows[j][..., some] for rows, some in around], axis=-1) for j in range(4))
         found.append(part)
         if step is None and depth < _DEPTH:
-            waiting += [(depth + 1, part, j) for j in _untold(problem, part, step)[:2]]
+            inside = [j for j in _untold(problem, part, sizes, step) if a <= part[0][j] < b]
+            waiting += [(depth + 1, part, j) for j in inside[:2]]
     return found, float(waiting[0][1][0][waiting[0][2]]) if waiting else None
 
 
-def _untold(problem: Problem, at: Rows, step: float | None) -> list[int]:
-    """Rows behind which something happens before the next one that they do not tell, the largest first."""
+def _untold(problem: Problem, at: Rows, sizes: Vector, step: float | None) -> list[int]:
+    """Rows behind which something happens before the next one that they do not tell, the largest first.
+
+    `sizes`: Of changes that count: of states, beside what their rates tell, and of algebraic variables.
+    """
     t, x, z, m = at
     n, gap = problem.n_dynamic, np.diff(t)
     if len(t) < 5:
         return []
     rates = functions_of(problem.compiled).rhs.many(t[:, None], x.T, z.T, problem.u, problem.p, m.T)[:, :n].T
-    off = np.abs(np.diff(x[:n]) - gap * (rates[:, 1:] + rates[:, :-1]) / 2) / _size(x[:n], problem.scale_x) / _OFF
-    jump = np.abs(np.diff(z)) / _size(z, problem.scale_z) / _JUMP
-    values = np.vstack([off, jump])
+    off = np.diff(x[:n]) - gap * (rates[:, 1:] + rates[:, :-1]) / 2
+    values = np.abs(np.concatenate([off, np.diff(z)])) / sizes[:, None]
     values = np.where(np.isfinite(values) & (gap > 0.0) & (m[:, 1:] == m[:, :-1]).all(axis=0), values, 0.0)
     worst = np.where(values > np.maximum(1.0, _UNLIKE * _around(values)), values, 0.0).max(axis=0, initial=0.0)
     worst[gap <= (_NEAR * (np.abs(t[1:]) + t[-1] - t[0]) if step is None else step * (1 + 1e-9))] = 0.0
-    order = np.argsort(-worst)
-    return order[worst[order] > 0.0].tolist()
+    return [k for k in np.argsort(-worst).tolist() if worst[k] > 0.0]
 
 
 def _size(values: Vector, nominal: Vector) -> Vector:
-    return np.asarray(nominal[:, None] + np.abs(values).max(axis=1, keepdims=True))
+    return np.asarray(nominal + np.abs(values).max(axis=1))
 
 
 def _around(values: Vector) -> Vector:
     """What changes are like between the rows around: of one of two neighbours, or of those beside them."""
     wide = np.pad(values, ((0, 0), (2, 2)), mode="reflect")
-    one, two = (np.minimum(wide[:, 2 - d : -2 - d or None], wide[:, 2 + d : wide.shape[1] - 2 + d]) for d in (1, 2))
+    one, two = (np.minimum(wide[:, 2 - d : -2 - d], wide[:, 2 + d : wide.shape[1] - 2 + d]) for d in (1, 2))
     return np.asarray(np.maximum(one, two))

@@ -16,7 +16,6 @@ unknowns have several solutions, so those of networks that are linear cost nothi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -29,7 +28,7 @@ from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.nonlinear_blocks import nonlinear_blocks
 from acausal.result.result import Result
-from acausal.simulate.equations.calls.buffered import rows
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
 from acausal.simulate.record.meeting.between import UNTOLD, Again, Rows, rows_between
@@ -113,20 +112,20 @@ class _Blocks:
     """All such blocks of a model."""
 
     blocks: tuple[_Block, ...]
-    slopes: Any  # `(t, x, z, u, p, m) -> entries` of one block after the other, by unknowns in nominal magnitudes
+    slopes: BufferedFunction  # `(t, x, z, u, p, m) -> entries`, block by block, by unknowns in nominal magnitudes
     modes: list[int]  # those that rates and equations depend on
 
     def entries(self, problem: Problem, at: Rows) -> list[Vector]:
         """Entries of the slope of each block, shape (n, entries)."""
         t, x, z, m = (np.ascontiguousarray(a.T) for a in at)
-        found = rows(self.slopes, (t[:, None], x, z, problem.u, problem.p, m))
+        found = self.slopes.many(t[:, None], x, z, problem.u, problem.p, m)
         found[~np.isfinite(found)] = 0.0
         return np.split(found, np.cumsum([len(b.row) for b in self.blocks])[:-1], axis=1)
 
     def determinants(self, problem: Problem, at: Rows) -> tuple[Vector, Vector]:
         """Signs of the determinants of all blocks, and logarithms of their magnitudes, shape (blocks, n) each."""
         largest = max(min(len(b.columns), _DENSE) ** 2 for b in self.blocks)
-        many, parts = 1 + _ENTRIES // (largest + self.slopes.numel_out(0)), []
+        many, parts = 1 + _ENTRIES // (largest + self.slopes.function.numel_out(0)), []
         for first in range(0, len(at[0]), many):
             entries = self.entries(problem, tuple(a[..., first : first + many] for a in at))
             parts.append(np.array([b.determinants(e) for b, e in zip(self.blocks, entries, strict=True)]))
@@ -150,7 +149,7 @@ def _blocks(compiled: CompiledModel) -> _Blocks | None:
             blocks.append(_Block(*(np.array(v, dtype=np.intp) for v in (unknowns, *pattern.get_triplet()))))
             entries += places
         scaled = (slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[entries]
-        function = ca.Function("slopes", s.inputs, [scaled])
+        function = BufferedFunction(ca.Function("slopes", s.inputs, [scaled]))
         modes = sorted(set(ca.jacobian_sparsity(ca.vertcat(ode, alg), s.m).get_col()))
         _KNOWN[compiled] = _Blocks(tuple(blocks), function, modes) if entries else None
     return _KNOWN[compiled]
@@ -208,7 +207,7 @@ def _meeting(
 ) -> list[tuple[float, tuple[int, ...]]]:
     """Instants at which solutions meet, and the unknowns in which they differ."""
     compiled, count = problem.compiled, len(whole[0])
-    work = _CALL + blocks.slopes.n_instructions() + sum(len(b.row) * len(b.columns) for b in blocks.blocks)
+    work = _CALL + blocks.slopes.function.n_instructions() + sum(len(b.row) * len(b.columns) for b in blocks.blocks)
     # as many as the solver has made steps: where there are fewer steps than rows, the rows tell little more
     most = int(max(_LEAST, steps, _CHEAP / work))
     some = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
