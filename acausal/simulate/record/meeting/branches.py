@@ -16,6 +16,7 @@ unknowns have several solutions, so those of networks that are linear cost nothi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -173,26 +174,23 @@ def crossed_branches(
     """The note on points between the rows of a run at which solutions of algebraic equations cross.
 
     `again`: The run once more, from one of its rows on.
-    `step`: Of fixed steps [s]: none of them ends at a kink.
+    `step`: Of fixed steps [s].
     `is_implicit`: Whether algebraic variables are unknowns of its steps. Where these are fixed, too, the run itself may
     take a near miss for a crossing: stages may stay on another solution than their ends. The sum of these is then
     wrong, though all rows solve the equations.
     """
-    compiled, found = problem.compiled, meeting_at_kinks(problem, recorder)
+    compiled, found, left_out = problem.compiled, meeting_at_kinks(problem, recorder), None
     blocks = _blocks(compiled) if compiled.algebraic and recorder.count >= 4 else None
-    left_out: float | None = None
     if blocks is not None:
         whole = _distinct(recorder, blocks.modes)
         steps = recorder.counters.get("steps", len(whole[0]))
-        found += _meeting(problem, blocks, whole, steps, step is not None, step is not None and is_implicit)
+        look = partial(_meeting, problem, blocks, steps, step is not None and is_implicit)
+        found += look(whole)
         if not found:
             closer, left_out = rows_between(problem, recorder, whole, again, step)
-            for part in closer:
-                found += _meeting(problem, blocks, part, steps, step is not None, step is not None and is_implicit)
-    if not found and left_out is not None:
-        return (UNTOLD.format(left_out),)
+            found += [place for part in closer for place in look(part)]
     if not found:
-        return ()
+        return () if left_out is None else (UNTOLD.format(left_out),)
     t, moved = min(found)
     names = listed([problem.compiled.algebraic[c] for c in moved], 4)
     return (
@@ -203,7 +201,7 @@ def crossed_branches(
 
 
 def _meeting(
-    problem: Problem, blocks: _Blocks, whole: Rows, steps: float, is_fixed: bool, is_coarse: bool
+    problem: Problem, blocks: _Blocks, steps: float, is_coarse: bool, whole: Rows
 ) -> list[tuple[float, tuple[int, ...]]]:
     """Instants at which solutions meet, and the unknowns in which they differ."""
     compiled, count = problem.compiled, len(whole[0])
@@ -216,7 +214,7 @@ def _meeting(
     found: list[tuple[float, tuple[int, ...]]] = []
     all_signs, all_sizes = blocks.determinants(problem, at)
     flips, dips = _turning(joined, all_signs, all_sizes)
-    for number, block in enumerate(blocks.blocks if is_fixed and _KINKS & compiled.operations else ()):
+    for number, block in enumerate(blocks.blocks if _KINKS & compiled.operations else ()):
         dips[number] |= _turns(joined, at[0], at[2][block.columns])
     for number, k in np.argwhere(_beginning(joined, all_sizes)).tolist():
         place = _place(problem, blocks, number, at, [k, k], tuple(a[..., k + 2 : k + 3] for a in at))

@@ -19,7 +19,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.equations.calls.buffered import rows
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.record import Recorder
 
@@ -34,7 +34,7 @@ class _Kinks:
     """Relations of algebraic variables in algebraic equations, and functions of `(t, x, z, u, p, m)`."""
 
     relations: tuple[int, ...]
-    distances: Any  # of these
+    distances: BufferedFunction  # of these
     slopes: Any  # of the distances and of the equations by states and unknowns, in nominal magnitudes
 
 
@@ -53,7 +53,7 @@ def _kinks(compiled: CompiledModel) -> _Kinks | None:
         own = [k for k in sorted(moved) if k in modes or compiled.events.ties[k] < 0]
         scale = ca.diag(ca.DM(np.concatenate([compiled.nominal_x, compiled.nominal_z])))
         both = [ca.densify(ca.jacobian(v, known) @ scale) for v in (distances[own], alg)]
-        here = ca.Function("distances", s.inputs, [ca.densify(distances[own])])
+        here = BufferedFunction(ca.Function("distances", s.inputs, [ca.densify(distances[own])]))
         _KNOWN[compiled] = _Kinks(tuple(own), here, ca.Function("slopes", s.inputs, both)) if own else None
     return _KNOWN[compiled]
 
@@ -66,7 +66,7 @@ def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, 
     t, x, z, m = recorder.rows()
     events = np.append(0, 1 + np.flatnonzero((m[:, 1:] != m[:, :-1]).any(axis=0)))[:_MOST]
     t, x, z, m = t[events], x[:, events].T.copy(), z[:, events].T.copy(), m[:, events].T.copy()
-    distances = rows(kinks.distances, (t[:, None], x, z, problem.u, problem.p, m))
+    distances = kinks.distances.many(t[:, None], x, z, problem.u, problem.p, m)
     judged = 0
     for k in range(len(events)):
         at = float(t[k]), x[k], z[k], problem.u, problem.p, m[k]
@@ -93,7 +93,7 @@ def _meeting(problem: Problem, kinks: _Kinks, j: int, at: tuple[Any, ...], near:
     nx, first = len(x), len(m) - len(problem.compiled.state_events.relations)
     normal = np.array(kinks.slopes(*at)[0])[j]
     size = float(np.linalg.norm(normal[nx:]))
-    if not size > 0.0 or abs(float(kinks.distances(*at)[j])) > near * size:
+    if not size > 0.0 or abs(float(kinks.distances(*at)[0][j])) > near * size:
         return ()
     sides: list[Vector] = []
     for truth in (0.0, 1.0):
