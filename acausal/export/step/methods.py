@@ -44,6 +44,7 @@ _C = ((), (4.0,), (1.0, -1.0), (1.0, -1.0, -8.0 / 3.0))
 _M = (2.0, 0.0, 1.0, 1.0)
 _ALPHA = (0.0, 0.0, 1.0, 1.0)
 _GAMMAS = (0.5, 1.5, 0.0, 0.0)
+_KINKS = frozenset((ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO, ca.OP_SIGN, ca.OP_LT, ca.OP_LE))
 # Alexander's method of order 2.
 _DIAGONAL = 1.0 - sqrt(0.5)
 
@@ -163,6 +164,7 @@ class Method:
             start = self.algebraic(t, x, z, held)
             first, last = self._along(t, x, start, *held), self._along(t + h, new, end, *held)
             rough = ca.logic_or(rough, meets(h, first, last))
+        if self._along.numel_out(0) and self._has_kinks:
             rough = ca.logic_or(rough, self._leads_elsewhere(t + h, new, start + h * first[2], end, held))
             rough = ca.logic_or(rough, self._leads_elsewhere(t, x, end - h * last[2], start, held))
         return new, end, rough
@@ -224,6 +226,13 @@ class Method:
     @cached_property
     def _along(self) -> Any:
         return along_solution(self.rates)
+
+    @property
+    def _has_kinks(self) -> bool:
+        """Whether the slope of the algebraic equations may jump: only there a step turns off without a zero of it."""
+        here = self._symbols()
+        alg = ca.Function("alg", here, self.rates(*here)[1:2])
+        return not _KINKS.isdisjoint(alg.instruction_id(k) for k in range(alg.n_instructions()))
 
     def _explicit(self, t: Any, h: Any, x: Any, z: Any, held: Sequence[Any]) -> tuple[Any, Any, Any]:
         rough: Any = ca.SX(0)
