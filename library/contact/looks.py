@@ -37,14 +37,14 @@ def _scene(part: Part) -> Iterator[Drawn]:
 
 def _surfaces(shape: contact_shapes.Shape, size: float, color: str) -> list[tuple[Mesh, str]]:
     if isinstance(shape, contact_shapes.PointedDrill):
-        # The contact shape's shank is on the side of +z.
+        # The shank of the contact shape points towards +z.
         drawn = meshes.drill(shape.diameter, shape.point_angle, shape.length)
         return [(m.placed(R=np.diag([1.0, -1.0, -1.0])), c) for m, c in zip(drawn, (STEEL, ORANGE), strict=True)]
     return [(shape_mesh(shape, size), color)]
 
 
 def shape_mesh(shape: contact_shapes.Shape, size: float) -> Mesh:
-    """The mesh of a contact shape in its own axes; a half space is a plate of three times the scene."""
+    """The mesh of a contact shape in its own axes; a half-space is a plate three times as large as the scene."""
     match shape:
         case contact_shapes.Sphere():
             return meshes.sphere(shape.radius)

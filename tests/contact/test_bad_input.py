@@ -39,9 +39,9 @@ def other(value: Any) -> Any:
 
 
 CASES: tuple[tuple[Callable[[], object], str, str], ...] = (
-    (lambda: scene(Box((0.1, math.nan, 0.1))), "AC174", "lid is no body: its length in y is nan m"),
-    (lambda: scene(Box((0.1, 0.1, 0.0))), "AC174", "lid is no body: its thickness in z is 0 m"),
-    (lambda: scene(Sphere(-1.0)), "AC174", "lid is no body: its radius is -1 m"),
+    (lambda: scene(Box((0.1, math.nan, 0.1))), "AC174", "lid is not a body: its length in y is nan m"),
+    (lambda: scene(Box((0.1, 0.1, 0.0))), "AC174", "lid is not a body: its thickness in z is 0 m"),
+    (lambda: scene(Sphere(-1.0)), "AC174", "lid is not a body: its radius is -1 m"),
     (lambda: scene(Sphere(other("big"))), "AC174", "its radius is 'big'"),
     (lambda: scene(Cylinder(0.1, math.inf)), "AC174", "its length is inf m"),
     (lambda: Box(other((0.1, 0.1))), "AC174", "three edge lengths"),
@@ -83,5 +83,5 @@ def test_meshes_with_holes_are_refused(tmp_path: Path) -> None:
     for scale in (0.0, -1.0, math.nan, "mm"):
         with pytest.raises(DeclarationError, match="the mesh of lid is scaled by"):
             ConvexHull.from_stl(str(tmp_path / "whole.stl"), scale=other(scale), body="lid")
-    with pytest.raises(DeclarationError, match="the mesh of lid is no STL file"):
+    with pytest.raises(DeclarationError, match="the mesh of lid is not an STL file"):
         ConvexHull.from_stl(stl(tmp_path / "empty.stl", []), body="lid")

@@ -1,7 +1,7 @@
-"""Iterations that end early, as CasADi Functions: without a callback, and generated as C.
+"""Iterations with early termination as CasADi Functions, without a callback, so that C code can be generated.
 
-CasADi has no `while`. A chain of calls, each inside the branch of the one before, stops where the state says that it is
-done; a plain unrolled loop would pay for all iterations every time.
+CasADi has no `while`. A chain of calls, each inside a branch of the previous one, stops as soon as the state says that
+the iteration has finished; a plain unrolled loop would always run all iterations.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ def repeat(step: Any, going: int, most: int) -> Any:
     for k in range(most):
         inner = ca.Function(f"{name}_{k}", [state, data], [chain(step(state, data), data)], _CALL)
         switch = ca.Function.conditional(f"{name}_switch_{k}", [inner], same)
-        # Index 0 goes on, anything else ends.
+        # Case 0 continues, any other ends the iteration.
         ended = ca.if_else(state[going] > 0, 0, 1)
         chain = ca.Function(f"{name}_chain_{k}", [state, data], [switch(ended, state, data)], _CALL)
     return chain
 
 
 def frozen(name: str, function: Any) -> Any:
-    """A Function of the same inputs and output that stays one call in SX graphs, and whose derivatives are zero.
+    """A Function of the same inputs and output that stays one call in SX graphs and has zero derivatives.
 
-    The derivative of `floor` is zero, so that nothing of `function` is differentiated; what it cuts off the inputs is
-    rounding. Derivatives without any entry are read wrongly by SX calls (CasADi 3.8: garbage, no error), hence a term
-    that no derivative of any order makes disappear, and that is too small to change anything.
+    The derivative of `floor` is zero, so that nothing of `function` is differentiated; the inputs lose no more than
+    rounding errors. SX calls misread derivatives that have no entries at all (CasADi 3.8 returns garbage without an
+    error), hence a term that survives differentiation of any order and is too small to change anything.
     """
     arguments = [ca.MX.sym(f"i{k}", function.sparsity_in(k)) for k in range(function.n_in())]
     value = function(*(ca.floor(a * _FINE) / _FINE for a in arguments))

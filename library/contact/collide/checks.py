@@ -7,7 +7,7 @@ from acausal.library.contact.collide.shapes import Shape
 
 
 def check_shape(shape: object, body: str) -> None:
-    """Raise DeclarationError AC174 unless `shape` is one, with a volume."""
+    """Raise DeclarationError AC174 unless `shape` is a shape with a volume."""
     if not isinstance(shape, Shape):
         raise DeclarationError(
             "AC174",
@@ -18,6 +18,6 @@ def check_shape(shape: object, body: str) -> None:
 
 
 def shown(value: object) -> str:
-    """A value in an error, not longer than a line."""
+    """A value as text in an error message, shortened to one line."""
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

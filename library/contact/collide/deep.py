@@ -1,8 +1,8 @@
-"""The smallest translation that separates shapes that overlap deeply: the portal's ray finds one of several minima.
+"""The smallest translation that separates deeply overlapping shapes: the portal's ray finds one of several minima.
 
-A deep overlap has a nearest face on each side. The one found is the lowest of all when a ball of its height around the
-origin lies in the tetrahedron of the portal and the start of the ray, which is part of the difference. Where it does
-not, the heights of many directions are compared, and the search is started again from the lowest that lead elsewhere.
+A deep overlap has a nearest face on each side. The one found is the lowest of all if a ball of its height around the
+origin lies in the tetrahedron of the portal and the start of the ray, which is part of the difference. Otherwise the
+heights of many directions are compared, and the search is restarted from the lowest ones that may lead to other faces.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from acausal.library.contact.collide.minkowski import Core, Pair
 from acausal.library.contact.collide.shapes import Vector
 
 _SHALLOW = 1e-10
-"""Offset below which another face cannot be worth looking for."""
+"""Offset below which no other face is searched for."""
 
 _LATTICE = 400
 _STARTS = 8
 _SLIDES = 60
 _TILTS, _AROUND = (0.02, 0.06, 0.15), 12
 _SAME_WAY, _ITSELF = 0.9, 1 - 1e-9
-"""Cosines of the angles below which a direction may lead to the same face as another, and is another at all."""
+"""Cosines of the angles within which two directions may lead to the same face, and within which they coincide."""
 
 _WORTH = 1.5
-"""Ratio of a direction's height to the best offset up to which the face next to it may be lower."""
+"""Ratio of a direction's height to the best offset up to which a face near it may be lower."""
 
 _UNSOUND, _ROUNDING, _MISSED, _TINY = 1e-6, 1e-12, 1e-9, 1e-150
 _MOST_NORMALS, _MOST_EDGES = 400, 4000
@@ -39,8 +39,8 @@ _CALL = {"never_inline": True}
 def least(pair: Pair, data: Any, local: Any, finely: Any) -> Any:
     """`(contact, triangle, pose) -> contact` with the lowest offset.
 
-    `local` and `finely` are `(start of a ray, pose) -> contact`, the second for what did not settle with the first.
-    `triangle` has the vertices of the portal and the start of its ray, (12, 1).
+    `local` and `finely` are `(start of a ray, pose) -> contact`; the second is used if the first does not converge.
+    `triangle` holds the vertices of the portal and the start of its ray, (12, 1).
     """
     c, triangle, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("triangle", 12), ca.MX.sym("pose", 12)
     searched = _searched(pair, data, local)
@@ -58,7 +58,7 @@ def least(pair: Pair, data: Any, local: Any, finely: Any) -> Any:
 
 
 def _settled(pair: Pair, data: Any, finely: Any) -> Any:
-    """`(contact, pose) -> contact`: one that did not settle is searched again with a small portal."""
+    """`(contact, pose) -> contact`: a contact that did not converge is searched again with a small portal."""
     c, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("pose", 12)
     inner = ca.Function("inner", [data], [portal.inner(pair)])
     overlap = c[polish.OFFSET] > 0
@@ -71,9 +71,9 @@ def _settled(pair: Pair, data: Any, finely: Any) -> Any:
 
 
 def _slid(pair: Pair, data: Any) -> Any:
-    """`(contact, pose) -> contact`: one that did not settle goes down along the kinks of the offset.
+    """`(contact, pose) -> contact`: a contact that did not converge descends along the kinks of the offset.
 
-    These are circles of directions around the axes of the shapes, on which two features are equally high.
+    These are circles of directions around the axes of the shapes, on which two features have equal heights.
     """
     n, height, angle = ca.SX.sym("n", 3), ca.SX.sym("height"), ca.SX.sym("angle")
     best, least = n, height
@@ -91,7 +91,7 @@ def _slid(pair: Pair, data: Any) -> Any:
     plane = ca.Function("plane", [at, data], [found], _CALL)
     direction, lowest = c[polish.NORMAL], c[polish.OFFSET]
     for k in range(_SLIDES):
-        # Up and down again: the way may be longer than the first angles.
+        # The angles decrease twice: the descent may be longer than one sequence covers.
         direction, lowest = step(direction, lowest, 0.1 * 0.5 ** (k % (_SLIDES // 2)), pose)
     moved = plane(ca.vertcat(c[: polish.NORMAL.start], direction, c[polish.NORMAL.stop :]), pose)
     lower = moved[polish.OFFSET] < c[polish.OFFSET]
@@ -118,19 +118,19 @@ def _certified(data: Any) -> Any:
 
 
 def _searched(pair: Pair, data: Any, local: Any) -> Any:
-    """`(contact, pose) -> contact`, the lowest of it and of those that new searches end at."""
+    """`(contact, pose) -> contact`: the lowest of the given contact and the results of new searches."""
     c, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("pose", 12)
     candidates, points = _sample(pair.a, pair.b)(pose)
     n = ca.SX.sym("n", 3)
     direct = ca.Function("direct", [n, data], [polish.plane(pair, n / ca.sqrt(ca.sumsqr(n)))], _CALL)
-    # Parallel edges have no direction across.
+    # Parallel edges have no common perpendicular.
     heights = ca.sum1(candidates * points) + _BIG * (ca.sum1(candidates**2) < 0.5)
     try_one, best, ended = _tried(local), c, c
     near = ca.mmin(heights)
     downhill = ca.MX(1, candidates.size2())
     tried = ca.MX(1, candidates.size2())
     for _ in range(_STARTS):
-        # Where the way to a normal known goes down all along, a search would end there once more.
+        # If the height decreases all along the way to a known normal, a search would end there again.
         normal = ended[polish.NORMAL]
         cosine = normal.T @ candidates
         leads = ca.logic_and(cosine > _SAME_WAY, normal.T @ points <= cosine * heights)
@@ -142,7 +142,7 @@ def _searched(pair: Pair, data: Any, local: Any) -> Any:
         ended = try_one(best, direction, lowest, near, pose)
         best = ca.if_else(_rank(ended) < _rank(best), ended, best)
         tried = ca.logic_or(tried, direction.T @ candidates > _ITSELF)
-    # Should no search have come down to it, the lowest direction is the way out as it is.
+    # If no search has reached its height, the lowest direction itself is the result.
     direction = candidates[:, ca.find(heights.T <= near)]
     plane = direct(direction, pose)
     missed = plane[polish.OFFSET] + _MISSED < best[polish.OFFSET]
@@ -151,8 +151,8 @@ def _searched(pair: Pair, data: Any, local: Any) -> Any:
 
 
 def _tried(local: Any) -> Any:
-    """`(best, direction, its height, lowest height, pose) -> contact` at which a search from there ends, if it may be
-    lower; else the best."""
+    """`(best, direction, its height, lowest height, pose) -> contact`: the result of a search from there if it may be
+    lower, else `best`."""
     c, m, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("m", 3), ca.MX.sym("pose", 12)
     height, near = ca.MX.sym("height"), ca.MX.sym("near")
     offset = c[polish.OFFSET]
@@ -170,7 +170,7 @@ def _behind(m: Any, room: Any) -> Any:
 
 
 def _rank(c: Any) -> Any:
-    """The offset, for comparing: a plane that did not settle has to be lower by more than rounding."""
+    """The offset for comparisons: a plane that did not converge must be lower by more than rounding errors."""
     height = c[polish.OFFSET] + _UNSOUND * ca.logic_not(_good(c))
     return ca.if_else(_directed(c), height, _BIG)
 
@@ -181,17 +181,17 @@ def _directed(c: Any) -> Any:
 
 
 def _good(c: Any) -> Any:
-    """Whether a search has settled, with witnesses inside of the shapes."""
+    """Whether a search has converged, with witness points inside the shapes."""
     one, two = c[polish.WEIGHTS[0]], c[polish.WEIGHTS[1]]
     least = ca.fmin(ca.fmin(one, two), 1 - one - two)
     return ca.logic_and(_directed(c), ca.logic_and(c[polish.SOUND] > 0.5, least > -1e-6))
 
 
 def _drawn_back(data: Any, direction: Any, most: tuple[float, float], local: Any) -> Any:
-    """`(contact, pose) -> contact`: a tool that would be pushed on through is drawn back, unless that is much farther.
+    """`(contact, pose) -> contact`: a tool that would be pushed through is drawn back, unless that is much farther.
 
-    Whether its tip has come out, or it was set down on its base: no shape can tell, but the depths do. `most` are the
-    ratios of the depths up to which it is drawn back instead of through, and instead of aside.
+    Shapes alone cannot tell a tool whose tip has come through from one that was set down on its base, but the depths
+    can. `most` holds the ratios of depths up to which it is drawn back rather than pushed through, or aside.
     """
     way = ca.Function("way_back", [data], [direction])
     c, pose = ca.MX.sym("c", polish.SIZE), ca.MX.sym("pose", 12)
@@ -208,7 +208,7 @@ def _drawn_back(data: Any, direction: Any, most: tuple[float, float], local: Any
 
 
 def _sample(a: Core, b: Core) -> Any:
-    """`pose -> (directions (3, k), support points (3, k))`: normals of faces, across two edges, a lattice."""
+    """`pose -> (directions (3, k), support points (3, k))`: normals of faces, normals of two edges, a lattice."""
     pose = ca.MX.sym("pose", 12)
     p, R = pose[:3], ca.reshape(pose[3:], 3, 3)
     own = np.vstack([_normals(a), _beside(a), _lattice(_LATTICE)])
@@ -222,7 +222,7 @@ def _sample(a: Core, b: Core) -> Any:
             one[2, :] * two[0, :] - one[0, :] * two[2, :],
             one[0, :] * two[1, :] - one[1, :] * two[0, :],
         )
-        # Parallel edges have no direction of their own; the floor keeps it finite, and short.
+        # Parallel edges have no common normal; the floor keeps the vector finite, and short.
         across = across / ca.repmat(ca.sqrt(ca.fmax(ca.sum1(across**2), 1e-8)), 3, 1)
         d = ca.horzcat(d, across, -across)
     points = _supports(a, d) - ca.repmat(p, 1, d.size2()) - R @ _supports(b, -(R.T @ d))
@@ -247,7 +247,7 @@ def _supports(body: Core, d: Any) -> Any:
 
 
 def _normals(body: Core) -> Vector:
-    """Outward normals (n, 3) of the faces of a core; of one with circles, those of their discs."""
+    """Outward normals (n, 3) of the faces of a core; for one with circles, those of their discs."""
     if body.half is not None or body.round or body.dimension < 3:
         axes = np.eye(3) if body.half is not None else np.eye(3)[2:]
         return np.vstack([axes, -axes])
@@ -257,7 +257,7 @@ def _normals(body: Core) -> Vector:
 
 
 def _beside(body: Core) -> Vector:
-    """Directions (n, 3) beside the normals of discs: the lowest plane at a rim may be next to that of its disc."""
+    """Directions (n, 3) near the normals of discs: the lowest plane at a rim may be close to that of its disc."""
     if not body.round:
         return np.zeros((0, 3))
     tilts, around = np.meshgrid(_TILTS, np.arange(_AROUND) * (2 * np.pi / _AROUND))
@@ -267,7 +267,7 @@ def _beside(body: Core) -> Vector:
 
 
 def _edges(body: Core) -> Vector:
-    """Directions (n, 3) of the edges of a core, and of the straight lines of a round one, without sense."""
+    """Directions (n, 3) of the edges of a core, and of the straight lines of a round one, of arbitrary sign."""
     if body.half is not None:
         return np.eye(3)
     if body.round or body.dimension < 3:

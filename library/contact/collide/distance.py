@@ -1,7 +1,7 @@
-"""The point of the difference of two shapes nearest to the origin, when they are apart.
+"""The point of the difference of two separate shapes that is nearest to the origin.
 
 Source: E. G. Gilbert, D. W. Johnson, S. S. Keerthi, A fast procedure for computing the distance between complex
-objects, IEEE J. Robotics and Automation 4 (1988); it starts from the portal, so that few steps remain.
+objects, IEEE J. Robotics and Automation 4 (1988). It starts from the portal, so that few steps remain.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import casadi as ca
 
 from acausal.library.contact.collide.minkowski import VERTEX, Pair
 
-# The state: three vertices, their weights, the point, and whether it goes on.
+# The state: three vertices, their weights, the nearest point, and whether the iteration continues.
 _V = [slice(k * VERTEX, (k + 1) * VERTEX) for k in range(3)]
 _WEIGHTS = slice(3 * VERTEX, 3 * VERTEX + 3)
 _X = slice(3 * VERTEX + 3, 3 * VERTEX + 6)
@@ -21,7 +21,7 @@ SIZE = GOING + 1
 
 _TINY = 1e-300
 TOUCHING = 1e-12
-"""Distance below which there is no direction any more."""
+"""Distance below which the direction is undefined."""
 
 
 def start(vertices: list[Any]) -> Any:
@@ -31,12 +31,12 @@ def start(vertices: list[Any]) -> Any:
 
 
 def step(pair: Pair, state: Any, tolerance: float) -> Any:
-    """One support point more."""
+    """The state after adding one support point."""
     v, x = [state[place] for place in _V], state[_X]
     found = pair.support(-x)
     chosen, weights, nearest = _nearest(found, v)
     length = ca.sqrt(ca.sumsqr(x))
-    # x . w is never above |x|^2, and equal to it at the end.
+    # x . w never exceeds |x|^2, and equals it at the solution.
     close = ca.sumsqr(x) - ca.dot(x, found[:3]) <= tolerance * length
     done = ca.logic_or(close, ca.logic_or(length <= TOUCHING, ca.sumsqr(nearest) >= ca.sumsqr(x)))
     after = ca.vertcat(*chosen, weights, nearest, 1)
@@ -49,7 +49,7 @@ def result(state: Any) -> tuple[list[Any], Any, Any]:
 
 
 def _nearest(new: Any, old: list[Any]) -> tuple[list[Any], Any, Any]:
-    """Of all triangles and edges at the vertex `new` the one nearest to the origin: vertices, weights, point."""
+    """Of all triangles and edges at the vertex `new`, the one nearest to the origin: vertices, weights, point."""
     w = new[:3]
     best: list[Any] = [new, new, new]
     weights, x = ca.SX(ca.DM([1, 0, 0])), w

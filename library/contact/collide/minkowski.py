@@ -1,7 +1,7 @@
-"""The Minkowski difference of two shapes: support points, and from which points of the shapes they come.
+"""The Minkowski difference of two shapes: its support points, and the points of the shapes that they come from.
 
-Everything is in the frame of the first shape and divided by a length, so that coordinates are about 1. `p` and `R` are
-the place and the orientation of the second shape in that frame.
+All is in the frame of the first shape and divided by a length, so that coordinates are of order 1. `p` and `R` are the
+position and the orientation of the second shape in that frame.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from acausal.library.contact.collide.shapes import Box, Inner, Shape, Vector
 
 VERTEX = 11
-"""Numbers of a vertex of the difference: the point, then its feature.
+"""Size of a vertex of the difference: the point, then its feature.
 
 A feature is a point and the radius of the circle around z on which it lies, of each of the two shapes in its own frame.
 """
@@ -37,7 +37,7 @@ class Core:
 
     @property
     def round(self) -> bool:
-        """Whether there is a circle that is no point."""
+        """Whether there is a circle of positive radius."""
         return bool((self.rings[:, 3] > 0.0).any())
 
     @property
@@ -80,7 +80,7 @@ def ring(body: Core, d: Any) -> Any:
 
 
 def height(body: Core, d: Any) -> Any:
-    """The support function of a core in direction d: also next to an axis, where `on_ring` takes a disc for a point."""
+    """The support function of a core in direction d, also near an axis, where `on_ring` treats a disc as a point."""
     if body.half is not None:
         return sum((h * ca.fabs(d[k]) for k, h in enumerate(body.half)), ca.SX(0))
     across = ca.sqrt(d[0] ** 2 + d[1] ** 2) if body.round else 0
@@ -115,13 +115,13 @@ def curvature(circle: Any, d: Any) -> Any:
 
 
 def settled(half: Any, d: Any) -> Any:
-    """Half a feature as a circle (4, 1): around z, or the point alone where d is along z and picks a whole disc."""
+    """Half a feature as a circle (4, 1): about z, or its point alone where d is along z and selects a whole disc."""
     point = ca.logic_or(_across(d)[1], half[3] <= 0)
     return ca.if_else(point, ca.vertcat(half[:3], 0), ca.vertcat(0, 0, half[2:]))
 
 
 def _across(d: Any) -> tuple[Any, Any]:
-    """Square of the part of d across z, 1 where d is along z; and whether it is."""
+    """Square of the component of d across z, 1 where d is along z; and whether it is."""
     square = d[0] ** 2 + d[1] ** 2
     flat = square <= FLAT**2 * ca.sumsqr(d)
     return ca.if_else(flat, 1, square), flat
@@ -148,7 +148,7 @@ class Pair:
         return height(self.a, d) + height(self.b, -(self.R.T @ d)) - ca.dot(d, self.p)
 
     def settled(self, vertex: Any, d: Any) -> Any:
-        """The circles (8, 1) to which a vertex belongs, as far as direction d lets it move on them."""
+        """The circles (8, 1) on which a vertex can move when direction d changes."""
         e = -(self.R.T @ d)
         return ca.vertcat(settled(vertex[3:7], d), settled(vertex[7:], e))
 
@@ -163,14 +163,14 @@ class Pair:
         return curvature(feature[:4], d) + self.R @ curvature(feature[4:], e) @ self.R.T
 
     def tool(self) -> tuple[Any, tuple[float, float]] | None:
-        """Direction (3, 1) from a to b in which a tool is drawn back, and how much farther; None without one."""
+        """Direction (3, 1) from a to b in which a tool is drawn back, and the ratios `way_back`; None without one."""
         a, b = self.a.way_back, self.b.way_back
         if any(a) == any(b):
             return None
         return (ca.SX(ca.DM([0, 0, -1])), a) if any(a) else (self.R[:, 2], b)
 
     def aside(self) -> Any:
-        """A direction (3, 1) across the axes of both shapes: out of points and lines that lie on each other."""
+        """A direction (3, 1) across the axes of both shapes, which separates points and lines that coincide."""
         axis = self.R[:, 2]
         both = ca.cross(ca.DM([0, 0, 1]), axis)
         across = ca.sqrt(ca.sumsqr(both))
@@ -181,9 +181,9 @@ class Pair:
     def inner(self) -> Any:
         """A point inside the difference from which the origin is seen through the nearest faces, (3, 1).
 
-        Of each shape the point of its inner body next to the other's is taken, found by projecting to and fro; the
-        difference of the centres, as published, lets the ray leave a wide plate through its rim. Wide inner bodies are
-        better as long as they are far enough apart to give a direction.
+        It is the difference of the points of the two inner bodies that are nearest to each other, found by alternating
+        projections; from the difference of the centres, as published, the ray would leave a wide plate through its rim.
+        Wide inner bodies are preferred as long as they are far enough apart to define a direction.
         """
         wide, deep = self._inner(True), self._inner(False)
         return ca.if_else(ca.sumsqr(wide) > 0.5 * ca.sumsqr(deep), wide, deep)

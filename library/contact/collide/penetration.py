@@ -1,16 +1,16 @@
-"""Penetration depth, normal and witness points of two convex shapes, as a function that equations call.
+"""Penetration depth, normal and witness points of two convex shapes, as a function that equations can call.
 
     mpr = penetration(Sphere(0.1), Box((1.0, 1.0, 0.2)))
     depth, normal, point_a, point_b = mpr(ball.r_0, ball.R, plate.r_0, plate.R)
 
-Inputs are the place r [m] of the frame of each shape in world axes and its orientation R, which turns components in
-the frame into world components. Outputs: `depth` [m], positive where the shapes overlap, else minus their distance;
-`normal`, the unit vector in world axes from a to b along which the shapes have to move apart by the depth; and the two
-points [m] in world axes, `point_a - point_b == depth * normal`.
+Inputs are the position r [m] of the frame of each shape in world axes and its orientation R, which transforms
+components in the frame into world components. Outputs: `depth` [m], positive where the shapes overlap, else minus their
+distance; `normal`, the unit vector in world axes from a to b along which the shapes have to move apart by the depth;
+and the two witness points [m] in world axes, with `point_a - point_b == depth * normal`.
 
-MPR decides where the shapes touch, from its own interior point; the search is one call, without derivatives. The result
-then solves equations whose derivatives are exact: the depth changes with the velocity of the witnesses along the
-normal.
+MPR, with an interior point chosen by `Pair.inner`, decides where the shapes touch; the search is one call, without
+derivatives. Equations for the contact found then give exact derivatives: the depth changes with the relative velocity
+of the witness points along the normal.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def penetration(shape_a: Shape, shape_b: Shape) -> External:
 
 @lru_cache(maxsize=256)
 def collision_function(shape_a: Shape, shape_b: Shape) -> Any:
-    """The CasADi Function behind `penetration`, SX; its search is one call of a Function named `contact_search`."""
+    """The CasADi Function of `penetration`, SX; its search is one call of a Function named `contact_search`."""
     import casadi as ca
 
     r_a, r_b = ca.SX.sym("r_a", 3), ca.SX.sym("r_b", 3)
@@ -112,6 +112,6 @@ def _relative(shape_a: Shape, shape_b: Shape, p: Any, R: Any) -> tuple[Any, Any,
 
 
 def _size(*shapes: Shape) -> float:
-    """A length for which coordinates are about 1 [m]."""
+    """A length [m] by which coordinates are scaled to order 1."""
     bounds = [np.array(s.bounding_box()) for s in shapes]
     return float(min(np.abs(b).max() for b in bounds))

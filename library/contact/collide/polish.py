@@ -1,13 +1,14 @@
-"""The contact as the solution of equations: which makes it exact, and differentiable as often as wanted.
+"""The contact as the solution of equations, which makes it exact and repeatedly differentiable.
 
-Portal and distance search find *which* corners and circles of two shapes touch. With these given, the normal n, weights
+Portal and distance search find *which* corners and circles of two shapes touch. Given these, the normal n, the weights
 l and the signed offset s of the support plane solve
 
     sum l_i w_i(n) = s n,   sum l_i = 1,   n . w_i(n) equal for all i,   n . n = 1
 
 where w_i(n) is the point of the difference that pair i of features has in direction n: the offset is stationary on the
-sphere of directions, so that its derivative is that of the witnesses along the normal. One step of Newton from the
-solution has the exact derivative of the solution, whatever the search did to find it; a second step the next two.
+sphere of directions, so that its derivative is that of the witness points along the normal. One step of Newton's method
+from the solution has its exact first derivative, however the solution was found; a second step also has the exact
+second and third.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ NORMAL, OFFSET, SOUND, WEIGHTS = _N, 31, 32, _L
 _S = 31
 _OK = 32
 SIZE = 33
-"""Three features, whether the second and the third count, normal, weights of these two, offset, whether it is sound."""
+"""Three features, which of the last two are active, normal, weights of these two, offset, whether it is sound."""
 
 GOING = SIZE
 _COUNT = SIZE + 1
@@ -36,17 +37,17 @@ _HEIGHT = SIZE + 2
 _RADIUS = SIZE + 3
 _EXACT = SIZE + 4
 WORKING = SIZE + 5
-"""While it is searched: whether it goes on, number of steps, height of the plane, longest step, whether exact."""
+"""During the search also: whether it continues, number of steps, height of the plane, longest step, whether exact."""
 
 _ROUNDING = 1e-13
 _LONGEST = 0.3
-# After a step as short as this one Newton's method converges by itself; else a positive matrix leads downhill.
+# After steps shorter than this, Newton's method converges by itself; before, a positive definite matrix is used.
 _SAFE = 5e-3
 _TILT = 0.05
 _ADDED = 10.0
 _NEARLY_FLAT, _SNAP = 0.1, 1e-3
 _SHAKE = (0.53e-10, -0.71e-10, 0.47e-10)
-"""A place and a rotation vector by which a pose is moved to see whether its contact is determined."""
+"""Translation and rotation vector by which a pose is perturbed to see whether its contact is determined."""
 
 _STEEPEST, _REGULAR = 1e7, 1e-12
 _TRIANGLE = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
@@ -54,7 +55,7 @@ _TRIANGLE = ((1.0, 0.0), (-0.5, 0.75**0.5), (-0.5, -(0.75**0.5)))
 
 @dataclass(frozen=True)
 class Contact:
-    """A solution, or a step towards it."""
+    """A solution, or an iterate on the way to it."""
 
     features: list[Any]
     on: list[Any]
@@ -78,7 +79,7 @@ def contact(vector: Any) -> Contact:
     """The contact in a column."""
     return Contact(
         [vector[f] for f in _F],
-        [vector[k] > 0.5 for k in _ON],  # a frozen call still adds rounding errors
+        [vector[k] > 0.5 for k in _ON],  # a frozen call adds rounding errors to the flags
         vector[_N],
         [vector[k] for k in _L],
         vector[_S],
@@ -87,9 +88,9 @@ def contact(vector: Any) -> Contact:
 
 
 def newton(pair: Pair, c: Contact, downhill: Any = 0, longest: Any = None) -> Contact:
-    """One step of Newton's method; where the system is not sound the normal stays as it is.
+    """One step of Newton's method; if the system is not sound, the normal stays unchanged.
 
-    With `downhill` the matrix is changed so that the step leads to a lower plane from anywhere; `longest` limits it.
+    With `downhill` the matrix is modified so that the step is a descent direction from any point; `longest` limits it.
     """
     n = c.normal
     bend, mean, rows, lengths = _system(pair, c, downhill)
@@ -111,7 +112,7 @@ def newton(pair: Pair, c: Contact, downhill: Any = 0, longest: Any = None) -> Co
 
 
 def _system(pair: Pair, c: Contact, downhill: Any = 0) -> tuple[Any, Any, list[Any], list[Any]]:
-    """Matrix of the turn, mean point of the features, edges between them and normal, and the lengths of the edges."""
+    """Matrix for the rotation of the normal, mean point of the features, edges and normal, lengths of the edges."""
     n, weights = c.normal, c.all_weights
     w = [_difference(pair, f, n) for f in c.features]
     bend = ca.SX(3, 3)
@@ -129,7 +130,8 @@ def _system(pair: Pair, c: Contact, downhill: Any = 0) -> tuple[Any, Any, list[A
 def saddle(bend: Any, rows: list[Any], force: Any, right: list[Any], on: list[Any]) -> tuple[Any, list[Any]]:
     """x, y with `bend x + sum y_k row_k = force`, and `row_k . x = right_k` where `on`, else y_k = 0; |row_k| = 1.
 
-    `bend` alone may be singular, on corners it is zero: multiples of the rows are added, which changes nothing.
+    `bend` alone may be singular (it is zero on corners): multiples of the rows are added, which leave the solution
+    unchanged.
     """
     for row, value in zip(rows, right, strict=True):
         bend = bend + _ADDED * row @ row.T
@@ -167,7 +169,7 @@ def witness(pair: Pair, c: Contact) -> tuple[Any, Any]:
 
 
 def start(pair: Pair, vertices: list[Any], normal: Any, offset: Any) -> Any:
-    """The state of the search with the features of three vertices; equal ones count once."""
+    """Initial state of the search, with the features of three vertices; equal ones count once."""
     normal = _off_axis(pair, normal)
     f = [pair.settled(v, normal) for v in vertices]
     second = ca.logic_not(_same(f[1], f[0]))
@@ -181,18 +183,18 @@ def start(pair: Pair, vertices: list[Any], normal: Any, offset: Any) -> Any:
 
 
 def _discs(pair: Pair, n: Any, anywhere: float = 0.0) -> list[tuple[Any, Contact]]:
-    """Whether a flat disc of each shape is what the other touches, and the contact with its normal.
+    """For each shape, whether the other touches its flat disc, and the contact with the normal of the disc.
 
-    With `anywhere` it need not be hit, if the normal is within this angle [rad] of its axis.
+    With `anywhere`, it need not be hit if the normal is within this angle [rad] of its axis.
 
     The offset has a kink there, which Newton's method does not see. Three points in the plane of the disc, fixed to its
-    body, give the plane.
+    body, define the plane.
     """
     found, height = [], pair.height(n)
     for disc in _facing(pair, n):
         near = ca.logic_and(disc.across < _NEARLY_FLAT**2, disc.circle[3] > 0)
         hit = ca.logic_and(near, ca.sumsqr(disc.place) <= disc.circle[3] ** 2)
-        # Next to it may be a lower plane, at the rim.
+        # A plane close to it, at the rim, may be lower.
         hit = ca.logic_and(hit, disc.offset <= height + _ROUNDING)
         if anywhere:
             hit = ca.logic_and(disc.across < anywhere**2, disc.circle[3] > 0)
@@ -206,7 +208,7 @@ def _discs(pair: Pair, n: Any, anywhere: float = 0.0) -> list[tuple[Any, Contact
 
 
 def _off_axis(pair: Pair, n: Any) -> Any:
-    """The normal, tilted a little where it is that of a disc which the other shape misses: it touches the rim."""
+    """The normal, tilted slightly where it is that of a disc which the other shape misses: it touches the rim."""
     for disc in _facing(pair, n):
         distance = ca.sqrt(ca.sumsqr(disc.place))
         flat = ca.logic_and(disc.across <= 1e-12, disc.circle[3] > 0)
@@ -219,7 +221,7 @@ def _off_axis(pair: Pair, n: Any) -> Any:
 
 @dataclass(frozen=True)
 class _Disc:
-    """A circle of one shape that faces the other: its normal, and the place on it that is next to the other."""
+    """A circle of one shape that faces the other: its normal, and its point nearest to the other."""
 
     first: bool
     circle: Any
@@ -240,7 +242,7 @@ def _facing(pair: Pair, n: Any) -> list[_Disc]:
         normal = axis if first else -(pair.R @ axis)
         top = pair.support(normal)
         features = pair.settled(top, normal)
-        # The point of the disc below the origin: there the difference has no part across the normal.
+        # The point of the disc below the origin, where the difference has no component across the normal.
         across = (normal * ca.dot(normal, top[:3]) - top[:3]) if first else pair.R.T @ top[:3]
         place = (features[:2] if first else features[4:6]) + across[:2]
         offset = ca.dot(normal, top[:3])
@@ -249,14 +251,17 @@ def _facing(pair: Pair, n: Any) -> list[_Disc]:
 
 
 def step(pair: Pair, state: Any) -> Any:
-    """A step that lowers the plane, or shortens the next one; who pulls is dropped, and who stands out is added."""
+    """A step that lowers the plane or else shortens the next one; it also updates the active features.
+
+    A feature with a negative weight is dropped; one that lies outside the plane is added.
+    """
     old, height, radius = contact(state[:SIZE]), state[_HEIGHT], state[_RADIUS]
     far = state[_EXACT] <= 0
     tried = newton(pair, old, far, radius)
     change = ca.norm_2(tried.normal - old.normal)
     top = pair.support(tried.normal)
     new_height = ca.dot(tried.normal, top[:3])
-    # Near the solution rounding alone may keep the plane from becoming lower.
+    # Near the solution, rounding errors alone may prevent the plane from becoming lower.
     lower = ca.logic_or(new_height <= height + 1e-15, ca.logic_and(ca.logic_not(far), change <= 1e-9))
     normal = ca.if_else(lower, tried.normal, old.normal)
     new = Contact(tried.features, tried.on, normal, tried.weights, tried.offset, tried.sound)
@@ -286,7 +291,7 @@ def step(pair: Pair, state: Any) -> Any:
 
 
 def finish(pair: Pair, state: Any) -> Any:
-    """The contact (SIZE, 1) at the end; without convergence the plane as it is: it touches the shapes nevertheless."""
+    """The final contact (SIZE, 1); without convergence the present plane, which touches the shapes nevertheless."""
     c = contact(state[:SIZE])
     check = newton(pair, c)
     error = ca.norm_2(check.normal - c.normal) + ca.fabs(check.offset - c.offset)
@@ -305,23 +310,23 @@ def finish(pair: Pair, state: Any) -> Any:
 
 
 def plane(pair: Pair, n: Any) -> Any:
-    """The contact (SIZE, 1) of the support plane with a normal as it is."""
+    """The contact (SIZE, 1) of the support plane with the given normal."""
     feature = pair.settled(pair.support(n), n)
     return Contact([feature] * 3, [0, 0], n, [0, 0], pair.height(n), 0).vector
 
 
 def _determined(pair: Pair, c: Contact, solved: Contact) -> Any:
-    """Whether a pose moved by next to nothing has next to the same contact.
+    """Whether a minute perturbation of the pose leaves the contact nearly unchanged.
 
-    It has not where corners lie on each other (any normal will do) or lines along each other: the equations are
-    singular there, and rounding alone would answer.
+    It does not where corners coincide (any normal will do) or lines lie along each other: the equations are singular
+    there, and rounding errors alone would determine the result.
     """
     turn = ca.DM(np.cross(np.eye(3), _SHAKE))
     moved = newton(Pair(pair.a, pair.b, pair.p + ca.DM(_SHAKE), pair.R + turn @ pair.R), c)
     change = ca.norm_2(moved.normal - solved.normal) + ca.fabs(moved.offset - solved.offset)
     bend, _, rows, _ = _system(pair, c)
     bend += _ADDED * sum((row @ row.T for row in rows), ca.SX(3, 3))
-    # Of a matrix more singular than that the inverse is rounding too.
+    # The inverse of a matrix that is closer to singular consists of rounding errors too.
     regular = ca.fabs(ca.dot(bend[:, 0], ca.cross(bend[:, 1], bend[:, 2]))) > _REGULAR
     return ca.logic_and(regular, change < _STEEPEST * float(np.linalg.norm(_SHAKE)))
 
@@ -340,7 +345,7 @@ def _dropped(c: Contact) -> tuple[Contact, Any]:
     third = ca.logic_and(c.on[1], ca.logic_and(l3 < low, ca.logic_and(l3 <= l2, l3 <= l1)))
     second = ca.logic_and(c.on[0], ca.logic_and(l2 < low, ca.logic_and(l2 <= l1, ca.logic_not(third))))
     first = ca.logic_and(l1 < low, ca.logic_not(ca.logic_or(second, third)))
-    # The first always counts: another that does takes its place.
+    # The first is always active: another active one takes its position.
     from_second = ca.logic_and(first, c.on[0])
     from_third = ca.logic_and(first, ca.logic_not(c.on[0]))
     head = ca.if_else(from_second, c.features[1], ca.if_else(from_third, c.features[2], c.features[0]))
@@ -354,7 +359,7 @@ def _dropped(c: Contact) -> tuple[Contact, Any]:
 
 
 def _added(c: Contact, feature: Any) -> Contact:
-    """The contact with one more feature, in a free place or in that of the smallest weight."""
+    """The contact with one more feature, in a free position or replacing that of the smallest weight."""
     l1, l2, l3 = c.all_weights
     full = ca.logic_and(c.on[0], c.on[1])
     second = ca.logic_or(ca.logic_not(c.on[0]), ca.logic_and(full, ca.logic_and(l2 <= l1, l2 <= l3)))

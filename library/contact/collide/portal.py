@@ -1,10 +1,10 @@
-"""Minkowski Portal Refinement: the face of the difference of two shapes through which a ray from inside leaves.
+"""Minkowski Portal Refinement: finds the face through which a ray from inside leaves the difference of two shapes.
 
 Sources: G. Snethen, XenoCollide: Complex Collision Made Simple, Game Programming Gems 7 (2008); improved as in
 A. Neumayr, M. Otter, Collision Handling with Variable-step Integrators, EOOLT (2017): the ray is followed through the
-origin and beyond, so that the signed distance of the face is found whether the shapes touch or not. Here moreover the
-ray starts from an interior point of its own (`Pair.inner`), and is shot again from the origin along the normal found,
-until the face is the nearest around.
+origin and beyond, so that the signed distance of the face is found whether the shapes touch or not. In addition, the
+ray starts here from a specially chosen interior point (`Pair.inner`), and is restarted from the origin along the normal
+found, until the face is locally the nearest.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ SIZE = _COUNT + 1
 _FIRST, _SECOND, _DISCOVER, _REFINE = 4.0, 3.0, 2.0, 1.0
 
 ASIDE = (0.43e-4, 0.27e-4, -0.61e-4)
-"""Moves the ray out of the planes of symmetry in which it would meet edges: the answer does not depend on it."""
+"""Moves the ray out of planes of symmetry, in which it would meet edges; the result does not depend on it."""
 
-# Steps after which no new ray is shot: it would not come to an end.
+# Number of steps after which no new ray is started, since it could not be completed.
 _LAST_RAY = 36
 _TINY = 1e-300
 
@@ -45,10 +45,10 @@ def start(v0: Any) -> Any:
 
 
 def steps(pair: Pair, state: Any, tolerance: float, near: float) -> list[Any]:
-    """The state after one support point more, in each of the phases 1 to 4.
+    """The state after adding one support point, for each of the phases 1 to 4.
 
-    `tolerance` is how far the last support point may lie outside the portal. A new ray is shot when the foot of the
-    origin on its plane lies outside the portal, and farther than `near` from its vertices.
+    `tolerance` is the largest distance of the last support point outside the portal. A new ray is started if the
+    projection of the origin onto its plane lies outside the portal and farther than `near` from its vertices.
     """
     return [
         _refine(pair, state, tolerance, near),
@@ -64,7 +64,7 @@ def _first(pair: Pair, state: Any) -> Any:
 
 
 def _second(pair: Pair, state: Any) -> Any:
-    """A vertex beside the plane of the ray and the first; the two are ordered so that their wedge opens to the ray."""
+    """Add a vertex beside the plane of the ray and the first one; the two are ordered so that it is in their wedge."""
     v0, first = state[:3], state[_V[0]]
     across = ca.cross(first[:3], v0)
     small = ca.sumsqr(across) < 1e-24 * ca.sumsqr(v0)
@@ -75,7 +75,7 @@ def _second(pair: Pair, state: Any) -> Any:
 
 
 def _discover(pair: Pair, state: Any) -> Any:
-    """A third vertex; where the ray passes beside the portal it takes the place of one of the two."""
+    """Add a third vertex; if the ray passes beside the portal, it replaces one of the first two."""
     v0, first, second = state[:3], state[_V[0]], state[_V[1]]
     n = ca.cross(first[:3] - v0, second[:3] - v0)
     n = ca.if_else(ca.dot(n, v0) > 0, -n, n)
@@ -88,7 +88,7 @@ def _discover(pair: Pair, state: Any) -> Any:
 
 
 def _refine(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
-    """A vertex beyond the portal, which becomes part of it; or the end, or a new ray."""
+    """Extend the portal by a vertex beyond it, or finish, or start a new ray."""
     v0 = state[:3]
     v = [state[place] for place in _V]
     w = [x[:3] for x in v]
@@ -99,7 +99,7 @@ def _refine(pair: Pair, state: Any, tolerance: float, near: float) -> Any:
     close = offset - ca.dot(n, w[0]) <= tolerance
     worth = ca.logic_and(close, ca.logic_and(state[_COUNT] < _LAST_RAY, offset > 1e-6))
 
-    # The nearest point of the plane is outside the portal: a ray along the normal leaves elsewhere, and sooner.
+    # The nearest point of the plane is outside the portal: a ray along the normal leaves elsewhere, and earlier.
     again = ca.logic_and(worth, _outside(w, n, offset, near))
     restart = (ca.DM(ASIDE) - 0.5 * n) * ca.fmin(offset, 0.1)
     refined = _refined(v0, v, found, ca.logic_not(close))
@@ -129,7 +129,7 @@ def result(state: Any) -> tuple[list[Any], Any, Any]:
 
 
 def _refined(v0: Any, v: list[Any], found: Any, split: Any) -> list[Any]:
-    """The part of the portal, where it is `split` by the new vertex, through which the ray goes."""
+    """The part of the portal, `split` by the new vertex, through which the ray passes."""
     across = ca.cross(found[:3], v0)
     one, two, three = (ca.dot(x[:3], across) > 0 for x in v)
     replace_first = ca.if_else(one, two, ca.logic_not(three))
@@ -144,7 +144,7 @@ def _outside(w: list[Any], n: Any, offset: Any, near: float) -> Any:
     x = n * offset
     area = ca.dot(ca.cross(w[1] - w[0], w[2] - w[0]), n)
     parts = [ca.dot(ca.cross(w[i] - x, w[j] - x), n) for i, j in ((0, 1), (1, 2), (2, 0))]
-    # The portal may run either way round.
+    # The portal may have either orientation.
     lowest = ca.fmin(ca.fmin(parts[0] * area, parts[1] * area), parts[2] * area)
     distance = ca.fmin(ca.fmin(*(ca.sumsqr(v - x) for v in w[:2])), ca.sumsqr(w[2] - x))
     return ca.logic_and(lowest < -1e-9 * area**2, distance > near**2)

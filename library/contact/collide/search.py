@@ -1,4 +1,4 @@
-"""From a pose of two shapes to the features that touch: portal, distance where apart, polishing, other ways."""
+"""Finds the features of two shapes that touch: portal, distance if apart, polishing, and other minima if deep."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from acausal.library.contact.collide.chain import frozen, repeat
 from acausal.library.contact.collide.minkowski import Core, Pair
 
 _MOST_PORTAL, _MOST_DISTANCE, _MOST_POLISH = 64, 32, 48
-"""Bounds of the iterations; what is typical is 8, 3 and 2."""
+"""Largest numbers of iterations; typical are 8, 3 and 2."""
 
 _CURVED, _FINE, _FLAT = (1e-3, 0.3), (1e-8, 0.01), (1e-12, 0.0)
-"""Tolerance and nearness of the portal (see there), when there are circles, and when there are none.
+"""`tolerance` and `near` of the portal steps: with circles, with circles after failed convergence, without circles.
 
-The one in between is for circles whose contact did not settle.
-
-A portal on something round shrinks by half at each step; polishing finds the rest in two or three.
+A portal on a round surface shrinks by half at each step; polishing then needs two or three steps.
 """
 
 
@@ -32,7 +30,7 @@ def search(a: Core, b: Core) -> Any:
 
     apart, polished = _apart(pair, data, tolerance), _polished(pair, data)
     if a.dimension + b.dimension < 3:
-        # The difference of points and lines has no inside: there is no portal, and no overlap either.
+        # The difference of points and lines has no interior: there is neither a portal nor an overlap.
         d0 = pair.inner()
         v = pair.support(-d0)
         begin = ca.Function("begin", [data], [distance.start([v, v, v])])

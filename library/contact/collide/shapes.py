@@ -22,14 +22,14 @@ Vector = NDArray[np.float64]
 Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 _DEEP = 0.95
-"""Part of a straight core from whose points rays may start."""
+"""Fraction of the half length of a straight core from whose points rays may start."""
 
 
 @dataclass(frozen=True)
 class Inner:
-    """A body inside a shape, from whose points the portal's ray starts: around a box, or round about the z axis.
+    """A body inside a shape, from whose points the portal's ray starts: a box, or a cylinder about the z axis.
 
-    `half` are half lengths [m], of a box or with `radius` of a cylinder, of which the third counts.
+    `half` holds half lengths [m] of the box; with a `radius`, only the third counts, as that of a cylinder.
     """
 
     centre: tuple[float, float, float]
@@ -37,9 +37,9 @@ class Inner:
     radius: float | None = None
 
     def reduced(self, wide: bool) -> tuple[tuple[float, float, float], float | None]:
-        """Half lengths and radius of the inner body: well inside, or `wide` and reaching out along the long sides.
+        """Half lengths and radius of the inner body: well inside, or `wide` and extended along the long sides.
 
-        A wide one is next to nothing across the shape and almost all along it: the middle of a plate.
+        A wide one is very thin across the shape and almost as long as it: the mid-plane of a plate.
         """
         lengths = np.array([*self.half[:2], self.half[2]] if self.radius is None else [self.radius, self.half[2]])
         least = float(lengths.min())
@@ -54,7 +54,7 @@ class Inner:
 
 @dataclass(frozen=True)
 class Shape:
-    """What every convex shape can tell about itself."""
+    """Base of all convex shapes."""
 
     @property
     def margin(self) -> float:
@@ -73,11 +73,11 @@ class Shape:
 
     @property
     def way_back(self) -> tuple[float, float]:
-        """How many times as far a tool with its tip towards -z is drawn back rather than pushed through, or aside."""
+        """Ratios of distances up to which a tool with its tip towards -z is drawn back, not pushed through or aside."""
         return 0.0, 0.0
 
     def check(self, body: str) -> None:
-        """Raise DeclarationError AC174 when the shape of `body` has no volume or is not convex."""
+        """Raise DeclarationError AC174 if the shape of `body` has no volume or is not convex."""
         raise NotImplementedError
 
     def support(self, direction: ArrayLike) -> Vector:
@@ -111,7 +111,7 @@ class Shape:
                 self._wrong(body, f"{name} is {text}", "a contact needs a body with a volume: give a positive length")
 
     def _wrong(self, body: str, fact: str, help: str) -> NoReturn:
-        raise DeclarationError("AC174", f"the {type(self).__name__} of {body} is no body: its {fact}", help=help)
+        raise DeclarationError("AC174", f"the {type(self).__name__} of {body} is not a body: its {fact}", help=help)
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class Capsule(Shape):
 class Cone(Shape):
     """A cone with its tip at the origin that opens towards +z; its base has `radius` and lies at z = `length`.
 
-    A tool: where the shortest way out of another body is on through, past the tip, it is drawn back instead, unless
+    A tool: if the shortest way out of another body is through it, past the tip, the cone is drawn back instead, unless
     that is more than four times as far: then it stands on its base.
     """
 
@@ -244,13 +244,13 @@ class Cone(Shape):
 class PointedDrill(Shape):
     """A drill with its tip at the origin and its shank towards +z.
 
-    A tool as `Cone` is: it leaves a workpiece on the side where it came in, also when on through would be shorter, and
-    when aside is, unless that is more than twice as far.
+    A tool like `Cone`: it leaves a workpiece on the side where it came in, even if the way through is shorter; a
+    shorter way aside is taken only if drawing back is more than twice as far.
 
     Parameters
     ----------
     diameter, length
-        Of the drill, the length with the point [m].
+        Diameter and total length of the drill, including the point [m].
     point_angle
         Full angle of the point [rad].
     """
@@ -305,7 +305,7 @@ class HalfSpace(Shape):
         return Inner((0.0, 0.0, -1.0), (0.0, 0.0, 0.0))
 
     def support(self, direction: ArrayLike) -> Vector:
-        """The origin in direction +z; infinitely far in any other."""
+        """The origin in direction +z; infinite in any other."""
         d = np.asarray(direction, dtype=float)
         return np.where(d == 0.0, 0.0, np.copysign(np.inf, d)) if d[0] or d[1] or d[2] <= 0.0 else np.zeros(3)
 
@@ -320,7 +320,7 @@ class HalfSpace(Shape):
 class ConvexHull(Shape):
     """The convex hull of points in the frame of the body, shape (n, 3) [m].
 
-    Only the corners are kept. `from_stl` takes the points of a file and refuses a surface that is not convex.
+    Only the corners are kept. `from_stl` reads the points of a file and rejects a surface that is not convex.
     """
 
     points: tuple[tuple[float, float, float], ...]
@@ -345,7 +345,7 @@ class ConvexHull(Shape):
         Raises
         ------
         DeclarationError
-            AC175 when the file cannot be read, AC176 when its surface is not convex.
+            AC175 if the file cannot be read, AC176 if its surface is not convex.
         """
         from acausal.library.contact.collide.stl import convex_points
 
@@ -375,7 +375,7 @@ class ConvexHull(Shape):
         from scipy.optimize import linprog
 
         corners, faces = self._hull
-        # The centre of the largest ball inside; in units of the hull, for the solver's tolerances are absolute.
+        # The centre of the largest inscribed ball; in units of the hull, since the solver's tolerances are absolute.
         middle = corners.mean(axis=0)
         size = float(np.abs(corners - middle).max())
         rows, limits = np.hstack([faces[:, :3], np.ones((len(faces), 1))]), -(faces[:, 3] + faces[:, :3] @ middle)

@@ -13,15 +13,15 @@ from acausal.errors import DeclarationError
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84
 
-# Corners are single precision; a dent must be larger than that, as part of the size.
+# Corners are single precision: dents count only beyond this depth, relative to the size.
 _TOLERANCE = 1e-5
 
-# Part of the surface that may be missing by rounding.
+# Fraction of the surface that may be missing because of rounding errors.
 _HOLE = 1e-4
 
 
 def read_stl(path: str, body: str) -> NDArray[np.float64]:
-    """Triangles of an STL file, shape (n, 3, 3); AC175 when there are none."""
+    """Triangles of an STL file, shape (n, 3, 3); raises AC175 if there are none."""
     file = Path(path)
     try:
         data = file.read_bytes()
@@ -30,7 +30,7 @@ def read_stl(path: str, body: str) -> NDArray[np.float64]:
             "AC175", f"the mesh of {body} cannot be read: {file}", cause=str(error), help="give the path of an STL file"
         ) from None
     count = int.from_bytes(data[80:_HEADER], "little") if len(data) >= _HEADER else 0
-    # Some binary files begin with the word `solid` too: their length tells.
+    # Some binary files begin with the word `solid` too; they are recognised by their length.
     if len(data) == _HEADER + count * _RECORD.itemsize and count:
         return np.asarray(np.frombuffer(data, _RECORD, count, _HEADER)["corners"], dtype=float)
     words = data.decode("ascii", errors="replace").split()
@@ -42,7 +42,7 @@ def read_stl(path: str, body: str) -> NDArray[np.float64]:
     if not len(triangles) or not np.isfinite(triangles).all():
         raise DeclarationError(
             "AC175",
-            f"the mesh of {body} is no STL file: {file}",
+            f"the mesh of {body} is not an STL file: {file}",
             help="text files hold `vertex x y z` lines, binary ones 50 bytes for each triangle",
         )
     return triangles
@@ -54,7 +54,7 @@ def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
     Raises
     ------
     DeclarationError
-        AC176 when its surface is not convex, or not closed; AC175 for a scale that is not positive.
+        AC176 if its surface is not convex or not closed; AC175 for a scale that is not positive.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -66,7 +66,7 @@ def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
     try:
         faces = ConvexHull(corners).equations
     except QhullError:
-        return np.unique(corners, axis=0) * scale  # flat: `check` says so
+        return np.unique(corners, axis=0) * scale  # flat: reported by `check`
     depth = (-(triangles.mean(axis=1) @ faces[:, :3].T + faces[:, 3])).min(axis=1)
     worst = int(depth.argmax())
     if depth[worst] > _TOLERANCE * size:
@@ -85,6 +85,6 @@ def convex_points(path: str, scale: float, body: str) -> NDArray[np.float64]:
             "AC176",
             f"the mesh of {body} is not closed",
             evidence=[f"its triangles cover {100 * area / whole:.4g} % of the hull of {path}"],
-            help="close it, or give the points to ConvexHull if their hull is what is meant",
+            help="close it, or give the points to ConvexHull if their hull is meant",
         )
     return np.unique(corners, axis=0) * scale

@@ -1,1 +1,1 @@
-"""Where two shapes touch: points, depths, normals."""
+"""Contact manifolds of two shapes: points, depths, normals."""

@@ -1,4 +1,4 @@
-"""Where two boxes touch: corners of faces that lie on each other, or two edges that cross."""
+"""Points of contact of two boxes: corners of faces that lie on each other, or two edges that cross."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def boxes(
 ) -> tuple[Touch, ...]:
     """Corners of the two faces that lie on each other, pressed along the face normal with the smallest overlap.
 
-    A corner that hangs over the other face is moved to the edge there: so two planks that cross touch at the four
-    corners of the area they share. The normal belongs to the pair, not to a corner: with equal boxes on top of each
-    other, all corners lie on edges. A box that is tilted against a
-    face touches it with its own corners only; where two edges cross and overlap less, there is one point across both.
+    A corner that projects beyond the other face is moved to its edge, so that two crossed planks touch at the four
+    corners of their common area. The normal belongs to the pair, not to a corner, because all corners lie on edges if
+    equal boxes are stacked. A box that is tilted against a face touches it with its own corners only. If two edges
+    cross and overlap less, there is one point across both.
     """
     half_a, half_b = ([s / 2 for s in size] for size in (size_a, size_b))
     normal, overlap = _face_normal(r_a, R_a, r_b, R_b, half_a, half_b)
@@ -40,22 +40,22 @@ def boxes(
             corner = r + outward + first * one + second * two
             seen = other_R.T @ (corner - other_r)
             shift = other_R @ as_expr([where(_pressed(along[k]), 0.0, _back(seen[k], other[k])) for k in range(3)])
-            # Along the own face, which need not be parallel to the other; then from face to face, each a plane.
+            # Along the face of the corner, which need not be parallel to the other; then from plane to plane.
             slope = dot(outward, shift) / dot(outward, direction)
             point = corner + shift - direction * slope
             depth = dot(across, point - other_r - across) / dot(across, direction)
             place = point - direction * (depth / 2)
             share = _inside(R.T @ (place - r), along_own, half, margin) * flat * (1 - edge_share)
-            # Apart are boxes that edges keep apart, whatever corners are behind a face.
+            # Boxes that are separated along two edges are apart, even if corners lie behind a face.
             depth = where(no_event(edge_share >= 1), minimum(depth, edge.depth), depth)
             found.append(Touch(depth, normal, place, share))
     return tuple(found)
 
 
 def _flat(along: Expr) -> Expr:
-    """1 where the face of a box that is pressed is across a direction in its axes, 0 where it is tilted.
+    """1 where the pressed face of a box is perpendicular to a direction in its axes, 0 where it is tilted.
 
-    Its plane is no measure of how deep corners of the other box are, then.
+    The plane of a tilted face does not measure the depths of the other box's corners.
     """
     cosine = maximum(maximum(fabs(along[0]), fabs(along[1])), fabs(along[2]))
     x = clamp((cosine - _TILTED) / (_ACROSS - _TILTED), 0.0, 1.0)
@@ -66,17 +66,17 @@ _ACROSS, _TILTED = math.cos(math.radians(3.0)), math.cos(math.radians(10.0))
 
 
 def _back(x: Expr, half: float) -> Expr:
-    """What moves `x` into the interval from -half to half."""
+    """Displacement that moves `x` into the interval from -half to half."""
     return clamp(x, -half, half) - x
 
 
 def _pressed(along: Expr) -> Expr:
-    """Whether an axis of a box is the one its face is pressed along."""
+    """Whether an axis of a box is the one along which its face is pressed."""
     return no_event(fabs(along) > 0.71)
 
 
 def _facing(R: Expr, along: Expr, half: list[float]) -> tuple[Expr, Expr, Expr]:
-    """From a box's centre to the face that looks along a direction, and half its edges [m], all in world axes."""
+    """Vector from a box's centre to the face towards a direction, and half its edges [m], all in world axes."""
     columns = [as_expr([R[i, k] for i in range(3)]) * half[k] for k in range(3)]
     x, y, z = (fabs(along[k]) for k in range(3))
     is_x, is_y = no_event((x >= y) & (x >= z)), no_event(y >= z)
@@ -111,7 +111,7 @@ def _face_normal(
             if best is None or normal is None:
                 best, normal = overlap, axis * side
                 continue
-            # An equal overlap changes nothing: faces that lie on each other have two equal normals.
+            # Ties keep the first: two faces that lie on each other have the same overlap.
             nearer = no_event(overlap < best - _TIE)
             normal = as_expr([where(nearer, axis[i] * side, normal[i]) for i in range(3)])
             best = where(nearer, overlap, best)
@@ -127,7 +127,7 @@ def _inside(place: Expr, along: Expr, half: list[float], margin: float) -> Expr:
     """1 inside a box, seen along its pressed axis; falls to 0 within `margin` [m] beyond the other edges."""
     share: Expr = as_expr(1.0)
     for k in range(3):
-        # The axis along the normal does not limit: how deep the point lies is another question.
+        # The axis along the normal is left out: only the position within the face counts here.
         beyond = where(_pressed(along[k]), 0.0, clamp((fabs(place[k]) - half[k]) / margin, 0.0, 1.0))
         share = share * (1 - beyond * beyond * (3 - 2 * beyond))
     return share

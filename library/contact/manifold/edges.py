@@ -1,4 +1,4 @@
-"""Where an edge of one box crosses an edge of another: the contact that no face normal describes.
+"""Crossing of an edge of one box with an edge of another: the contact that no face normal describes.
 
 Source of the nine overlaps: S. Gottschalk, M. C. Lin, D. Manocha, OBBTree, SIGGRAPH 1996, table of the separating axes.
 """
@@ -11,10 +11,10 @@ from acausal import Expr, as_expr, clamp, dot, fabs, maximum, no_event, sqrt, wh
 from acausal.library.contact.manifold.point import Touch, sense
 
 _PARALLEL = 1e-4
-"""Square of the sine of the angle below which two edges are parallel: a face lies on them."""
+"""Square of the sine of the angle below which two edges count as parallel: a face lies on them."""
 
 _BLEND = 0.1
-"""Part of the overlap of the faces by which that of the edges is less when it alone counts."""
+"""Relative difference between the overlaps of faces and of edges from which the crossing of edges alone counts."""
 
 _NEVER = 1e3
 _TINY = 1e-9
@@ -23,14 +23,14 @@ _TINY = 1e-9
 def crossed_edges(
     r_a: Expr, R_a: Expr, r_b: Expr, R_b: Expr, half_a: list[float], half_b: list[float], faces: Expr
 ) -> tuple[Touch, Expr]:
-    """The point where two edges of boxes cross, and the share of the contact that it has.
+    """The point where two edges of boxes cross, and its weight in the contact.
 
-    `faces` is the least overlap along the normals of faces [m]. Where edges overlap as much, the share is 0; from
-    there it grows smoothly, so that forces are continuous.
+    `faces` is the least overlap along the normals of faces [m]. Where edges overlap as much, the weight is 0; it grows
+    smoothly as they overlap less, so that forces are continuous.
     """
     C, t = R_a.T @ R_b, R_a.T @ (r_b - r_a)
     best, axis, own, others = _least(C, t, half_a, half_b)
-    # In the axes of a: the two edges, each farthest towards the other box, and the points on them that are nearest.
+    # In the axes of a: the two edges, each outermost towards the other box, and their nearest points.
     ahead, back = [sense(axis[k]) for k in range(3)], [sense(x) for x in _scalars(C.T @ axis)]
     on_a = as_expr([(1 - own[k]) * ahead[k] * half_a[k] for k in range(3)])
     on_b = t - C @ as_expr([(1 - others[k]) * back[k] * half_b[k] for k in range(3)])
@@ -44,9 +44,9 @@ def crossed_edges(
 
 
 def _least(C: Expr, t: Expr, half_a: list[float], half_b: list[float]) -> tuple[Expr, Expr, Expr, Expr]:
-    """The least overlap [m] across an edge of each box, its direction from a to b, and which edges: unit vectors.
+    """The least overlap [m] across an edge of each box, its direction from a to b, and the axes of the two edges.
 
-    Edges are numbered by their axes, in a and in b; all in the axes of a, but for the edge of b.
+    The axes are unit vectors that select an axis of a and one of b; the direction is in the axes of a.
     """
     best: Expr = as_expr(_NEVER)
     axis, own, others = as_expr((1.0, 0.0, 0.0)), as_expr((0.0, 1.0, 0.0)), as_expr((0.0, 1.0, 0.0))

@@ -10,11 +10,11 @@ from acausal import Expr, as_expr, maximum, minimum, no_event, quantity, where
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """One point of contact: depth [m], unit normal from a to b and place [m], both in world axes.
+    """One point of contact: depth [m], unit normal from a to b and position [m], both in world axes.
 
-    `share` is the part of the point's force that counts: 1, less where a corner of one box slides over an edge of the
-    other. Where it is 0, the depth tells nothing. `overlap` [m] is the least one of the two shapes, below zero where
-    they are apart: it comes with the first point of those that have shares.
+    `share` is a factor of the point's force: 1, or less where a corner of one box slides over an edge of the other.
+    Where it is 0, the depth is meaningless. `overlap` [m] is the least overlap of the two shapes, negative where they
+    are apart; only the first point of those with a `share` has it.
     """
 
     depth: Expr
@@ -30,7 +30,7 @@ def sense(x: Expr) -> Expr:
 
 
 def deepest(points: Sequence[Touch]) -> Expr:
-    """Depth [m] of the deepest point that counts; where none does, how far the shapes are apart, below zero."""
+    """Depth [m] of the deepest point that counts; if none does, minus the distance of the shapes."""
     overlap = points[0].overlap
     if overlap is None:
         return _largest([p.depth for p in points])

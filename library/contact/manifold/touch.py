@@ -1,10 +1,10 @@
-"""Where two shapes touch: the points at which forces act, each with a depth and a normal.
+"""Points at which two shapes touch and forces act, each with a depth and a normal.
 
-A round body touches at one point; a box that lies on something touches at its corners. A single deepest point of a
+A round body touches at one point; a box that lies on a surface touches at its corners. A single deepest point of a
 face would jump from corner to corner with the slightest tilt, and no box would come to rest on it. Hence closed forms
-with several points where faces lie on faces, and MPR (one point, any convex shapes) for everything else.
+with several points are used where faces lie on faces, and MPR (one point, any convex shapes) for everything else.
 
-Which face, which corner: these relations are not events. The forces that follow from them are continuous.
+The relations that select a face or a corner are not events, because the resulting forces are continuous.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from acausal.library.contact.manifold.point import Touch as Touch
 from acausal.library.contact.manifold.point import sense
 
 Touches = Callable[[Expr, Expr, Expr, Expr], tuple[Touch, ...]]
-"""`(r_a, R_a, r_b, R_b) -> points`: places [m] and rotations of the two shapes, as `Frame.r_0` and `Frame.R`."""
+"""`(r_a, R_a, r_b, R_b) -> points`: positions [m] and rotations of the two shapes, as `Frame.r_0` and `Frame.R`."""
 
 
 def touches(a: Shape, b: Shape) -> Touches:
-    """How the shapes `a` and `b` touch: a closed form where there is one, else MPR."""
+    """The function that finds the points of contact of `a` and `b`: a closed form if there is one, else MPR."""
     found = _found(a, b)
 
-    # What finds the points computes with the sizes of the shapes, which are plain numbers.
+    # The functions below compute with the sizes of the shapes, which are plain numbers without units.
     def in_metres(r_a: Expr, R_a: Expr, r_b: Expr, R_b: Expr) -> tuple[Touch, ...]:
         metre = quantity(1.0, "m")
         points = found(unitless(r_a), R_a, unitless(r_b), R_b)
@@ -54,7 +54,7 @@ def _found(a: Shape, b: Shape) -> Touches:
 
 
 def method(a: Shape, b: Shape) -> str:
-    """What finds the contact of two shapes: "closed form" or "MPR"."""
+    """How the contact of two shapes is found: "closed form" or "MPR"."""
     return "MPR" if _closed_form(a, b) is None and _closed_form(b, a) is None else "closed form"
 
 
@@ -76,7 +76,7 @@ def _closed_form(a: Shape, b: Shape) -> Touches | None:
 
 
 def _round_points(a: Shape) -> list[tuple[tuple[float, ...], float]] | None:
-    """Points in body axes [m] with a radius [m] whose hull is the shape; None when there are infinitely many."""
+    """Points in body axes [m] with a radius [m] whose hull is the shape; None if there are infinitely many."""
     if isinstance(a, Sphere):
         return [((0.0, 0.0, 0.0), a.radius)]
     if isinstance(a, Capsule):
@@ -102,7 +102,7 @@ def _on_plane(r_a: Expr, R_a: Expr, point: tuple[float, ...], radius: float, r_b
 
 
 def _spheres(r_a: Expr, r_b: Expr, radius_a: float, radius_b: float) -> Touch:
-    # Concentric spheres have no normal; a length that never is zero keeps the equations defined there.
+    # Concentric spheres have no normal; a length that is never zero keeps the equations defined there.
     apart = r_b - r_a
     distance = norm(apart)
     normal = apart / maximum(distance, 1e-12)
@@ -111,7 +111,7 @@ def _spheres(r_a: Expr, r_b: Expr, radius_a: float, radius_b: float) -> Touch:
 
 
 def _sphere_in_box(r_a: Expr, r_b: Expr, R_b: Expr, radius: float, half: list[float]) -> Touch:
-    """A ball and the nearest point of a box; one whose centre is inside leaves through the nearest face."""
+    """A ball and the nearest point of a box; a ball whose centre is inside leaves through the nearest face."""
     centre = R_b.T @ (r_a - r_b)
     outside = as_expr([centre[k] - clamp(centre[k], -half[k], half[k]) for k in range(3)])
     # The tiny number keeps derivatives finite inside, where this branch is not used.

@@ -1,4 +1,4 @@
-"""What a contact scene knows of a body: its shape, where it can be, and what it does to another that it touches."""
+"""Bodies of a contact scene: their shapes, where they can be, and the contacts that they make with others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from acausal.library.multibody.orientation import Vector
 Corners = tuple[Vector, Vector]
 Array = NDArray[np.float64]
 PoseValue = tuple[Array, Array]
-"""Place [m], shape (3,), and rotation, shape (3, 3), of a body's frame at one instant."""
+"""Position [m], shape (3,), and rotation, shape (3, 3), of a body's frame at one instant."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,14 +36,14 @@ class ContactBody:
     shape
         Shape of its surface.
     pose
-        Place [m] and rotation of the shape in the body's frame; of a body at rest, in world axes.
+        Position [m] and rotation of the shape in the body's frame; in world axes for a body at rest.
     at_rest
-        True for what never moves: it has no frame, and two such bodies never touch.
+        True for a body that never moves: it has no frame, and contacts between two such bodies are ignored.
     reach
         Lowest and highest corner [m] of a box in world axes that the origin of the body's frame never leaves; None
-        when nothing is known. Two bodies whose reaches keep them apart are dropped before the model is compiled.
+        if unknown. A pair of bodies whose reaches keep them apart is dropped before the model is compiled.
     group
-        Bodies of one group never touch each other: neighbours in a mechanism.
+        Contacts within one group are ignored, e.g. between neighbours in a mechanism.
     """
 
     name: str
@@ -58,35 +58,35 @@ class ContactBody:
         return None
 
     def ends(self, made: Component) -> tuple[Frame, Frame]:
-        """The frames of what `contact` made: of this body, and of the other."""
+        """Frames of a component made by `contact`: of this body, and of the other."""
         frames: tuple[Frame, Frame] = (getattr(made, "frame_a"), getattr(made, "frame_b"))  # noqa: B009
         return frames
 
     def accounts(self, made: Component) -> tuple[Component, ...]:
-        """Whose energies and powers make up those of a contact."""
+        """Components whose energies and powers add up to those of a contact."""
         return (made,)
 
     def describe(self, other: ContactBody) -> str:
-        """The method that finds the contact of a pair, for the report."""
+        """Name of the method that finds the contact of a pair, for the report."""
         return method(self.shape, other.shape)
 
     @property
     def trace(self) -> str:
-        """Signal of a contact that is positive once this body has left a trace at its place; "" without traces."""
+        """Signal of a contact that is positive once this body has left a trace at the site; "" without traces."""
         return ""
 
     def site(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
     ) -> tuple[list[Array], int]:
-        """Places of the contacts with another body, and the number of the present one.
+        """Sites of the contacts with another body, and the number of the present one.
 
-        `known` are the places so far, in the axes of the other's shape: a point [m] and a direction, shape (2, 3);
-        `current` is the one of the last choice; `marked` says whether that one has a trace.
+        `known` holds the sites so far, in the axes of the other's shape, each a point [m] and a direction, shape
+        (2, 3); `current` is the number of the site at the last choice, `marked` whether that one has a trace.
         """
         return list(known), 0
 
     def remarks(self, traces: Sequence[Trace]) -> list[str]:
-        """Messages about the traces that others have left on this body."""
+        """Messages about traces that other bodies have left on this one."""
         return []
 
     def radius(self) -> float:
@@ -118,7 +118,7 @@ def _unbounded(origin: Array, R: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """What a body has left on another: at a `place`, as of `ContactBody.site`, as large as its signal became."""
+    """A trace that a body has left on another: its site (`ContactBody.site`), and the largest value of its signal."""
 
     maker: ContactBody
     place: Array
@@ -127,7 +127,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surfaces:
-    """The laws between the surfaces of a scene: one for all, or others for named pairs.
+    """The laws between the surfaces of a scene: a common one, and others for named pairs.
 
     `pairs` holds rows of two names, in any order, a normal law and a friction law.
     """
@@ -144,13 +144,13 @@ class Surfaces:
         if self.law is None:
             raise DeclarationError(
                 "AC171",
-                f"{a.name} and {b.name} can touch, and the scene does not say with which law",
+                f"{a.name} and {b.name} can touch, but the scene has no contact law for them",
                 help="ContactScene(surfaces=Surfaces(law=HuntCrossley(...), friction=Coulomb(...)), ...)",
             )
         return self.law, self.friction
 
     def contact(self, a: ContactBody, b: ContactBody) -> SurfaceContact:
-        """Contact of two bodies as surfaces."""
+        """Surface contact of two bodies."""
         law, friction = self.between(a, b)
         return SurfaceContact(
             shape_a=a.shape, shape_b=b.shape, pose_a=a.pose, pose_b=b.pose, law=law, friction=friction

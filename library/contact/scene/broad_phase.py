@@ -1,4 +1,4 @@
-"""Broad phase: the pairs of bodies whose inflated bounding boxes overlap, for all bodies at once."""
+"""Broad phase: finds the pairs whose inflated bounding boxes overlap, vectorised over all bodies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Ends = tuple[NDArray[np.int_], NDArray[np.int_]]
 
 @dataclass(frozen=True)
 class Dropped:
-    """Number of pairs that are not in the equations for one reason."""
+    """Number of pairs that are left out of the equations for one reason."""
 
     reason: str
     count: int
@@ -30,7 +30,7 @@ class PairReport:
     Attributes
     ----------
     kept
-        Names of the bodies of each pair that is in the equations, and how its contact is found.
+        For each pair in the equations, the names of the bodies and how their contact is found.
     dropped
         The other pairs, counted by reason.
     """
@@ -57,9 +57,9 @@ CANNOT_MEET = "can never meet: bounds of their poses keep them apart"
 
 
 def candidates(bodies: Sequence[ContactBody]) -> tuple[Ends, dict[str, int]]:
-    """Pairs that may ever touch, by what is declared of the bodies; and the others, counted by reason.
+    """Pairs that the declarations of the bodies allow to touch, and the numbers of all others by reason.
 
-    Pairs as the numbers of their first and of their second bodies, shape (n,) each.
+    Pairs are given as the numbers of their first and of their second bodies, shape (n,) each.
     """
     n = len(bodies)
     first, second = np.triu_indices(n, 1)
@@ -80,21 +80,21 @@ def candidates(bodies: Sequence[ContactBody]) -> tuple[Ends, dict[str, int]]:
 
 
 def overlapping(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> NDArray[np.bool_]:
-    """Whether the boxes of pairs overlap; boxes as corners of shape (n, 3) [m]."""
+    """Whether the boxes of pairs overlap; boxes are given by their corners [m], shape (n, 3)."""
     return np.asarray(gaps(low, high, first, second) <= 0.0)
 
 
 def gaps(low: Array, high: Array, first: NDArray[np.int_], second: NDArray[np.int_]) -> Array:
-    """The inflation [m] at which the boxes of each pair overlap, half of it for each box; shape (n,)."""
+    """Inflation [m] at which the boxes of each pair begin to overlap, half of it for each box; shape (n,)."""
     found = np.full(len(first), -np.inf)
-    for lowest, highest in zip(low.T.copy(), high.T.copy(), strict=True):  # rows of three are slow to take
+    for lowest, highest in zip(low.T.copy(), high.T.copy(), strict=True):  # gathering rows of three is slow
         np.maximum(found, lowest[first] - highest[second], out=found)
         np.maximum(found, lowest[second] - highest[first], out=found)
     return found
 
 
 def _swept(body: ContactBody) -> tuple[Array, Array]:
-    """Box around everywhere the body can be [m]."""
+    """Box [m] around all positions of the body."""
     if body.at_rest:
         return body.box(np.zeros(3), np.eye(3))
     if body.reach is None:

@@ -17,14 +17,14 @@ _SKEW = 1e-6
 
 
 def check_pose(pose: Any, body: str) -> None:
-    """Raise DeclarationError AC179 unless a pose is a place and a rotation, right-handed and of length 1."""
+    """Raise DeclarationError AC179 unless a pose is a position and a rotation matrix."""
     pair = pose if isinstance(pose, tuple | list) and len(pose) == 2 else (None, None)
     place, turn = (_numbers(part, shape) for part, shape in zip(pair, ((3,), (3, 3)), strict=True))
     fact = ""
     if place is None or turn is None:
-        fact = f"is {shown(pose)}, not a place of 3 numbers [m] and a rotation of 3x3 numbers"
+        fact = f"is {shown(pose)}, not a position of 3 numbers [m] and a rotation of 3x3 numbers"
     elif np.abs(turn @ turn.T - np.eye(3)).max() > _SKEW or np.linalg.det(turn) < 0:
-        fact = "turns by a matrix that is no rotation: its rows are not three right-handed unit vectors"
+        fact = "has a matrix that is not a rotation: its rows are not three right-handed orthogonal unit vectors"
     if fact:
         raise DeclarationError(
             "AC179",
@@ -39,7 +39,7 @@ def check_bodies(bodies: object) -> None:
     Raises
     ------
     DeclarationError
-        AC172 for names, AC174 for shapes, AC179 for poses, reaches, and for what is no body.
+        AC172 for names, AC174 for shapes, AC179 for poses, reaches, and for objects that are not bodies.
     """
     listed: list[Any] = list(bodies) if isinstance(bodies, tuple | list) else [None]
     given = [b for b in listed if isinstance(b, ContactBody)]
@@ -61,7 +61,7 @@ def check_bodies(bodies: object) -> None:
 def check_scene(skin: object, keep: object) -> None:
     """Raise DeclarationError AC179 for an impossible skin [m] or number of pairs."""
     if not (isinstance(skin, numbers.Real) and 0.0 < float(skin) < math.inf):
-        raise DeclarationError("AC179", f"the skin of the scene is {shown(skin)}", help="give a length above 0 m")
+        raise DeclarationError("AC179", f"the skin of the scene is {shown(skin)}", help="give a positive length in m")
     if not isinstance(keep, int) or keep < 0:
         raise DeclarationError(
             "AC179", f"the scene is to keep {shown(keep)} pairs", help="give a whole number, 0 or more"
@@ -85,7 +85,7 @@ def _check_body(body: ContactBody) -> None:
 
 
 def _numbers(value: ArrayLike | None, shape: tuple[int, ...], finite: bool = True) -> NDArray[np.float64] | None:
-    """A value as an array of a shape; None when it is not."""
+    """A value as an array of the given shape; None if it is not one."""
     try:
         found = np.asarray(value, dtype=float)
     except (TypeError, ValueError):

@@ -17,17 +17,17 @@ from acausal.library.contact.scene.surface import SurfaceContact
 
 Array = NDArray[np.float64]
 _SPARE = 2
-"""So many times the pairs that are near, or the bodies, may be in the equations before others are chosen."""
-
+"""The present pairs are kept while they number at most this many times the near pairs, or the moving bodies."""
 
 _LITTLE = 0.25
-"""Share of the clearance by which bodies may have moved before pairs are looked at one by one."""
+"""Fraction of half the clearance by which bodies may move before pairs are examined one by one."""
+
 _NO_GAP = 1e-12
-"""A pair as near as this [m] when it was left out may not come closer at all."""
+"""Smallest gap [m] that approaches are compared with: a pair left out with a smaller one may hardly approach."""
 
 
 class Scene(Protocol):
-    """What a choice asks of its scene; `ContactScene` says what it means."""
+    """The part of `ContactScene` that a choice uses; its members are documented there."""
 
     @property
     def bodies(self) -> tuple[ContactBody, ...]: ...
@@ -59,21 +59,21 @@ class Scene(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SceneChoice:
-    """The pairs of a scene that are in the equations, as `acausal.language.choices.Choice` wants it.
+    """The pairs of a scene that are in the equations: implements `acausal.language.choices.Choice`.
 
     Attributes
     ----------
     pairs
         Numbers of two bodies each.
     places, sites
-        By pair: places of the contacts that leave traces (`ContactBody.site`), and the number of the present one.
+        By pair: sites of the contacts that leave traces (`ContactBody.site`), and the number of the present one.
     wandering
         Pairs in which a drill may leave more than one hole.
     steady
-        Whether pairs that are left out keep their numbers free, so that those behind them keep their names.
+        Whether the numbers of pairs that are left out stay unused, so that later pairs keep their names.
     clearance
-        The least gap of the pairs that are left out, when the present ones were chosen [m]. With traces it is the
-        skin, however far others are: whether a drill has gone to another place is looked at with each choice.
+        Smallest gap [m] of the pairs that are left out, at the instant of the choice. With traces it is the skin,
+        however far apart the others are, because each choice also checks whether a drill has moved to another site.
     """
 
     scene: Scene
@@ -94,7 +94,7 @@ class SceneChoice:
         return [(f"contacts[{k}]", self._lasting(p, self.sites.get(p, 0))) for k, p in numbered if p in own]
 
     def structure(self) -> tuple[object, ...]:
-        """Which contacts are at which places."""
+        """Which contacts are present, and at which sites."""
         return self.pairs, tuple(self.sites.get(p, 0) for p in self.pairs), self.steady
 
     def watched(self) -> tuple[str, ...]:
@@ -107,11 +107,12 @@ class SceneChoice:
         return tuple(f"frames[{k}].{name}" for k in range(len(self.scene.moving)) for name in ("r_0", "R"))
 
     def following(self, seen: Mapping[str, Array]) -> SceneChoice:
-        """Pairs for one instant, with all whose boxes overlap when they are inflated by the skin.
+        """The choice for one instant: it includes all pairs whose boxes overlap once inflated by the skin.
 
-        Another choice is another structure, which has to be compiled. So the present pairs are kept while they hold
-        those, and new ones are as many of the nearest as there are bodies: balls that fall onto a plane one after the
-        other take one structure. A contact with traces has its pairs when it is near, and no longer.
+        A different choice is a different structure, which has to be compiled. So the present pairs are kept as long as
+        they include the near ones, and a new choice takes at least as many of the nearest pairs as there are moving
+        bodies: balls that fall onto a plane one after the other then share one structure. In a scene with traces, only
+        the near pairs are chosen.
         """
         scene = self.scene
         gap = gaps(*self._sides(scene.outlines.boxes(*self._frames(seen))), *scene.ends)
@@ -133,10 +134,11 @@ class SceneChoice:
         return replace(self, pairs=chosen, places=places, sites=sites, clearance=clearance)
 
     def moved(self, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
-        """How much of the gaps of pairs that were left out may be used up, at n instants [1], shape (n,).
+        """Upper bound of the fraction of the gaps of left-out pairs that is used up, at n instants [1], shape (n,).
 
-        Such a pair is apart by the clearance, so both of its bodies may move by half of it. Balls that fall side by
-        side move by far more and stay as far from each other: then pair by pair, of all instants together.
+        The bodies of such a pair are at least the clearance apart, so each may move by half of it. Balls that fall
+        side by side move much farther without approaching each other; beyond a small displacement, the gaps are
+        therefore also bounded pair by pair, for all instants together.
         """
         start, later = self._frames(before), self._frames(after)
         used = self.scene.outlines.moved(start, *later) / (self.clearance / 2)
@@ -145,10 +147,10 @@ class SceneChoice:
         return np.minimum(used, self._closed(start, later))
 
     def _closed(self, start: tuple[Array, Array], later: tuple[Array, Array]) -> float:
-        """By how much of its gap a pair that was left out has come closer at most, anywhere between the instants [1].
+        """Largest fraction of its gap by which a left-out pair may have approached, also between the instants [1].
 
-        Each body may have been anywhere within its boxes at the instants, and beyond them by as far as it came from one
-        instant to the next.
+        Each body is assumed to stay within the union of its boxes at all instants, extended by the largest change from
+        one instant to the next.
         """
         scene = self.scene
         out = ~scene.among(self.pairs)
@@ -160,13 +162,13 @@ class SceneChoice:
         return float((1.0 - meanwhile / np.maximum(at_start, _NO_GAP)).max(initial=0.0))
 
     def _sides(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Lowest and highest corners of the boxes of all bodies [m], shape (n, 3) each; `own` of those that move."""
+        """Lowest and highest corners of the boxes of all bodies [m], shape (n, 3) each; `own`: of the moving ones."""
         low, high = (side.copy() for side in self.scene.at_rest)
         low[self.scene.numbers], high[self.scene.numbers] = own
         return low, high
 
     def _frames(self, seen: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Places (n, 3) and rotations (n, 3, 3) of the n bodies that move; of m instants (m, n, 3) and (m, n, 3, 3)."""
+        """Positions (n, 3) and rotations (n, 3, 3) of the n moving bodies; for m instants (m, n, 3), (m, n, 3, 3)."""
         r, R = ([seen[f"frames[{k}].{name}"] for k in range(len(self.scene.moving))] for name in ("r_0", "R"))
         return np.stack(r, axis=r[0].ndim - 1), np.stack(R, axis=R[0].ndim - 2)
 
@@ -182,10 +184,10 @@ class SceneChoice:
         return [text for k, traces in left.items() for text in self.scene.bodies[k].remarks(traces)]
 
     def confined(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[SceneChoice, bool]:
-        """The choice extended by the pairs that can touch while poses stay within bounds, and whether it grew.
+        """The choice extended by the pairs that can touch while poses stay within `bounds`, and whether it grew.
 
-        As long as it grows, further pairs may follow. Bounds are lowest and highest values of a signal,
-        each of its size.
+        As long as it grows, further pairs may follow. `bounds` holds the lowest and the highest values of each signal,
+        in the shape of the signal.
         """
         before, candidates = self.pairs, self.scene.candidates
         if not candidates:
@@ -194,13 +196,13 @@ class SceneChoice:
         known = set(before)
         chosen = tuple(p for p, m in zip(candidates, meet, strict=True) if m or p in known)
         wandering = tuple(p for p in chosen if not self._keeps_to_one_hole(p, bounds))
-        # all of them are in: wider bounds change nothing but what drills may do
+        # With all candidates included, wider bounds can only change which drills may leave more than one hole.
         complete = len(chosen) == len(candidates) and not any(b.trace for b in self.scene.bodies)
         grown = len(chosen) > len(before) and not complete
         return replace(self, pairs=chosen, wandering=wandering), grown
 
     def apart(self) -> list[tuple[str, str]]:
-        """Pairs outside the equations and the reason: by name if they can never touch, else their number."""
+        """Pairs outside the equations with the reason: candidates by name, pairs dropped before as a count."""
         never = [self._named(pair) for pair in self.scene.candidates if pair not in set(self.pairs)]
         counted = [(f"{n} pair{'s' * (n > 1)}", reason) for reason, n in self.scene.dropped.items() if n]
         return [(name, CANNOT_MEET) for name in never] + counted
@@ -221,7 +223,7 @@ class SceneChoice:
         return found
 
     def _trace(self, pair: Pair) -> str:
-        """The signal by which the contact of a pair shows that it left a trace; "" when it leaves none."""
+        """Name of the signal that is positive once the contact of a pair has left a trace; "" if it leaves none."""
         own = self._maker(pair).trace
         if not own or pair not in self.pairs or not hasattr(self.scene.kind(pair), own):
             return ""
@@ -234,13 +236,14 @@ class SceneChoice:
         places: dict[Pair, tuple[Array, ...]],
         sites: dict[Pair, int],
     ) -> None:
-        """Where the contact of a pair is now: entered in the last two."""
+        """Enter the present site of the contact of a pair in `places` and `sites`."""
         maker = self.scene.maker(*pair)
         body, other = self.scene.bodies[maker], self.scene.bodies[sum(pair) - maker]
         if body.trace:
             poses = self._pose(body, seen), self._pose(other, seen)
             known, current = list(places.get(pair, ())), sites.get(pair, 0)
-            # Left a while ago: what is remembered was marked, or it would not be worth to be remembered.
+            # A contact outside the equations has no signal; its remembered site counts as marked, since only marked
+            # sites are remembered.
             marked = bool(np.any(seen.get(self._trace(pair), np.ones(1)) > 0))
             known, current = body.site(other, *poses, known, current, marked)
             places[pair], sites[pair] = tuple(known), current
@@ -250,7 +253,7 @@ class SceneChoice:
         return (np.zeros(3), np.eye(3)) if k is None else (seen[f"frames[{k}].r_0"], seen[f"frames[{k}].R"])
 
     def _swept(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[Array, Array]:
-        """Boxes around everything each body can reach within bounds of its pose [m]."""
+        """Boxes [m] around the volume that each body can reach while its pose stays within bounds."""
         low, high = (side.copy() for side in self.scene.at_rest)
         for place, (number, body) in enumerate(self.scene.moving):
             r, R = (bounds[f"frames[{place}].{name}"] for name in ("r_0", "R"))
@@ -263,7 +266,7 @@ class SceneChoice:
         return low, high
 
     def _keeps_to_one_hole(self, pair: Pair, bounds: Mapping[str, tuple[Array, Array]]) -> bool:
-        """Whether a contact leaves no trace, or its drill moves along its axis only, into a workpiece that stands."""
+        """Whether a contact leaves no trace, or its drill moves only along its axis into a workpiece at rest."""
         body = self._maker(pair)
         if not body.trace or issubclass(self.scene.kind(pair), SurfaceContact):
             return True
@@ -272,7 +275,7 @@ class SceneChoice:
         k = self.scene.place(body)
         (low, high), R = bounds[f"frames[{k}].r_0"], bounds[f"frames[{k}].R"]
         along = np.flatnonzero(low != high)
-        # an axis along one of the body's and of the world's, whichever way the drill has turned about it
+        # The drill's axis must lie along an axis of its body and of the world; rotation about it does not matter.
         own = np.array(body.pose[1])[:, 2]
         column = int(np.argmax(np.abs(own)))
         axis, after = (side.reshape(3, 3)[:, column] for side in R)
@@ -285,7 +288,7 @@ def _least(gaps: Array) -> float:
 
 
 def _turned(body: ContactBody, low: Array, high: Array) -> tuple[Array, Array]:
-    """Box around a body whose frame stays in place and turns within bounds of its rotation [m]."""
+    """Box [m] around a body whose frame keeps its position and turns within bounds of its rotation matrix."""
     sides = np.array(body.box(np.zeros(3), np.eye(3)))
     radius = body.radius()
     if not np.isfinite(sides).all() or not np.isfinite([low, high]).all():

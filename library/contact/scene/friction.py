@@ -1,10 +1,10 @@
-"""Friction force of a contact from its normal force and the velocity of sliding.
+"""Friction force of a contact as a function of its normal force and its sliding velocity.
 
 A law is a small record, given to a contact as a structural value, as in `laws.py`. Velocities are vectors in the plane
-of contact; the force on the body that slides points against its velocity.
+of contact; the force on the sliding body points against its velocity.
 
-`Coulomb` and `Stribeck` do not stick: a body on a slope creeps, by the amount that each law states. `LuGre` holds under
-a constant load, `Hybrid` under any below its limit, with located instants of breaking away and of coming to rest.
+`Coulomb` and `Stribeck` do not stick: a body on a slope creeps at the velocity that each law states. `LuGre` holds
+under a constant load, `Hybrid` under any load below its limit; its breakaways and stops are located as events.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from acausal.library.contact.scene.numbers import Number, check, with_units
 
 @dataclass(frozen=True, eq=False)
 class FrictionLaw:
-    """Friction as a function of the velocity of sliding, or of a bristle that is bent by it."""
+    """Friction as a function of the sliding velocity, or of the deflection of a bristle that it bends."""
 
     has_bristle = False
 
     def drag(self, speed: Expr) -> Expr:
-        """Friction force over normal force and velocity [s/m]: the force on the body is -drag F_N v."""
+        """Friction force divided by normal force and velocity [s/m]: the force on the body is -drag F_N v."""
         raise NotImplementedError
 
 
@@ -30,14 +30,14 @@ class FrictionLaw:
 class Coulomb(FrictionLaw):
     """mu F_N tanh(v / v_s): Coulomb friction, regularised around standstill.
 
-    Creep: under the share q < 1 of the friction that is available, a body moves with v_s atanh(q).
+    Creep: under a load of the fraction q < 1 of the available friction, a body moves at v_s atanh(q).
 
     Parameters
     ----------
     mu
         Coefficient of friction [1].
     v_s
-        Velocity at which tanh(1) = 76 % of the friction acts [m/s].
+        Velocity at which the friction reaches tanh(1) = 76 % of mu F_N [m/s].
     """
 
     mu: Number
@@ -62,11 +62,11 @@ class Stribeck(FrictionLaw):
     Parameters
     ----------
     mu, mu_s
-        Coefficients of friction of sliding and of breaking away [1].
+        Coefficients of sliding friction and of breakaway [1].
     v_st
         Stribeck velocity [m/s]; well above `v_s`.
     mu_v
-        Viscous friction over normal force [s/m].
+        Viscous friction per normal force [s/m].
     v_s
         Velocity of regularisation [m/s].
     """
@@ -89,13 +89,13 @@ class Stribeck(FrictionLaw):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LuGre(FrictionLaw):
-    """Friction of elastic bristles, a state: it holds, breaks away, and slides with the Stribeck effect.
+    """Friction of elastic bristles, whose deflection is a state: it sticks, breaks away and slides (Stribeck effect).
 
     der(z) = v - s_0 |v| / g(v) z and force = F_N (s_0 z + s_1 exp(-(v / v_st)**2) der(z) + s_2 v) with
     g(v) = mu + (mu_s - mu) exp(-(v / v_st)**2). The force is per normal force, so that one set of numbers serves any
-    load. The damping fades when sliding, else a body that lands at some speed would be stopped by it at once
-    (H. Olsson, Control systems with friction, Lund 1996, section 3.4). Without contact the bristles straighten within
-    `relaxation`.
+    load. The damping fades out when sliding; otherwise it would stop a body that lands with a tangential velocity at
+    once (H. Olsson, Control systems with friction, Lund 1996, section 3.4). Without contact the bristles relax with
+    the time constant `relaxation`.
 
     Creep: none under a constant load below mu F_N; it holds at z = q / s_0.
 
@@ -106,13 +106,13 @@ class LuGre(FrictionLaw):
     Parameters
     ----------
     mu, mu_s
-        Coefficients of friction of sliding and of breaking away [1].
+        Coefficients of sliding friction and of breakaway [1].
     v_st
         Stribeck velocity [m/s].
     s_0, s_1, s_2
         Stiffness [1/m], damping [s/m] and viscosity [s/m] of the bristles, per normal force.
     relaxation
-        Time in which a free bristle straightens [s].
+        Time constant with which a free bristle relaxes [s].
     """
 
     mu: Number
@@ -132,12 +132,12 @@ class LuGre(FrictionLaw):
         return as_expr(self.s_2)
 
     def bristle_rate(self, z: Expr, v: Expr) -> Expr:
-        """Rate of the bending `z` [m, vector] at the velocity of sliding `v` [m/s, vector], under load."""
+        """Rate of the deflection `z` [m, vector] at the sliding velocity `v` [m/s, vector], under load."""
         g = self.mu + (as_expr(self.mu_s) - self.mu) * self._slow(v)
         return v - z * (self.s_0 * smooth_speed(v, quantity(1e-12, "m/s")) / g)
 
     def held(self, z: Expr, z_rate: Expr, v: Expr) -> Expr:
-        """Force of the bristles over the normal force [1, vector], against the sliding."""
+        """Force of the bristles per normal force [1, vector], against the sliding."""
         return z * self.s_0 + z_rate * (self.s_1 * self._slow(v))
 
     def _slow(self, v: Expr) -> Expr:
@@ -148,15 +148,16 @@ class LuGre(FrictionLaw):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hybrid(FrictionLaw):
-    """Coulomb friction with stiction as a mode: it sticks, slides slowly, or slides, and nothing in between.
+    """Coulomb friction with stiction, in three modes: stuck, sliding slowly, and sliding.
 
-    Stuck, the surfaces are held by a spring and a damper between them, force = F_N (s_0 z + s_1 v) with der(z) = v;
-    they break away at the instant at which this reaches mu_s F_N. Sliding, the friction is mu F_N against the velocity.
-    Slowly, below `v_s`, its direction is kept, since that of a vanishing velocity is none; so a body comes to rest at
-    an instant that is located, at which its velocity along this direction passes through zero, and sticks.
+    When stuck, the surfaces are held by a spring and a damper between them, force = F_N (s_0 z + s_1 v) with
+    der(z) = v; they break away at the instant at which this force reaches mu_s F_N. When sliding, the friction is
+    mu F_N against the velocity. When sliding slowly, below `v_s`, its direction is kept, because a vanishing velocity
+    has none. A body comes to rest at the located instant at which its velocity along this direction crosses zero.
 
-    Creep: none. A load that is put on moves a stuck body by q / s_0, once; put on at once, it may overshoot the limit.
-    There is one spring to a contact: a body that turns about the normal is damped, not held.
+    Creep: none. Applying a load of the fraction q of F_N displaces a stuck body once, by q / s_0; a load that is
+    applied suddenly may overshoot the limit. Each contact has one spring: rotation about the normal is damped, not
+    held.
 
     Source: the modes are those of M. Otter, H. Elmqvist, S. E. Mattsson, Hybrid modeling in Modelica based on the
     synchronous data flow principle, CACSD'99; the spring of a stuck contact as in P. A. Cundall, O. D. L. Strack, A
@@ -165,13 +166,14 @@ class Hybrid(FrictionLaw):
     Parameters
     ----------
     mu, mu_s
-        Coefficients of friction of sliding and of breaking away [1]; without `mu_s` they are equal.
+        Coefficients of sliding friction and of breakaway [1]; without `mu_s` they are equal.
     s_0, s_1
         Stiffness [1/m] and damping [s/m] of stuck surfaces, per normal force.
     v_s
         Velocity below which sliding is slow [m/s].
     relaxation
-        Time in which a free spring straightens, and that of a sliding contact follows the velocity [s].
+        Time constant with which a free spring relaxes, and with which that of a sliding contact follows the
+        velocity [s].
     """
 
     mu: Number
@@ -188,7 +190,7 @@ class Hybrid(FrictionLaw):
 
     @property
     def limit(self) -> Expr:
-        """Coefficient of friction at which surfaces break away [1]."""
+        """Coefficient of friction at breakaway [1]."""
         return as_expr(self.mu if self.mu_s is None else self.mu_s)
 
     def drag(self, speed: Expr) -> Expr:
@@ -196,7 +198,7 @@ class Hybrid(FrictionLaw):
 
 
 def smooth_speed(v: Expr, v_0: Number) -> Expr:
-    """Length of a velocity, rounded below `v_0`, so that it has a derivative at standstill."""
+    """Magnitude of a velocity, smoothed below `v_0` so that it is differentiable at standstill."""
     small = as_expr(v_0)
     return sqrt(dot(v, v) + small * small)
 

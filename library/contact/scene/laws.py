@@ -1,7 +1,7 @@
-"""Normal force of a compliant contact from its depth and the rate of the depth. Contacts push, they never pull.
+"""Normal force of a compliant contact as a function of its depth and the rate of the depth. Contacts never pull.
 
 A law is a small record, given to a contact as a structural value. Its numbers may be parameters of the component that
-makes it (`KelvinVoigt(k=self.k, d=self.d)`): then they are symbols, and changing them does not recompile.
+makes it (`KelvinVoigt(k=self.k, d=self.d)`): these stay symbolic, so that changing them does not recompile the model.
 
 Depth [m] is positive where the bodies overlap; the rate [m/s] is positive while they approach.
 """
@@ -16,14 +16,14 @@ from acausal.library.contact.scene.numbers import Number, check, with_units
 
 @dataclass(frozen=True, eq=False)
 class NormalLaw:
-    """What every law says: the force, and what part of the work it stores."""
+    """Base of the normal laws: the force, and the part of its work that is stored."""
 
     def force(self, depth: Expr, rate: Expr) -> Expr:
         """Normal force [N], zero without overlap, never negative."""
         raise NotImplementedError
 
     def elastic(self, depth: Expr) -> Expr:
-        """The part of the force that is stored [N], for a depth of either sign."""
+        """The elastic part of the force [N], for a depth of either sign."""
         raise NotImplementedError
 
     def damping(self, depth: Expr, rate: Expr) -> Expr:
@@ -39,7 +39,8 @@ class NormalLaw:
 class KelvinVoigt(NormalLaw):
     """Spring and damper side by side, without adhesion: max(0, k depth + d rate) while the bodies overlap.
 
-    The damper makes the force jump at touch; where it would pull, the bodies have parted though they still overlap.
+    The damper makes the force jump at first touch; where the force would become negative, it is zero although the
+    bodies still overlap.
 
     Parameters
     ----------
@@ -58,7 +59,7 @@ class KelvinVoigt(NormalLaw):
 
     def force(self, depth: Expr, rate: Expr) -> Expr:
         pressed = self.elastic(depth) + self.damping(depth, rate)
-        # Relations rather than `maximum`: the jump at touch and the release are located.
+        # Relations rather than `maximum`, so that the jump at touch and the release are located as events.
         return where((depth > 0) & (pressed > 0), pressed, 0.0)
 
     def elastic(self, depth: Expr) -> Expr:
@@ -74,15 +75,15 @@ class KelvinVoigt(NormalLaw):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PartialPowerLaw(NormalLaw):
-    """k depth_1 (depth / depth_1)**n (1 + a rate), the bracket not below zero: no jump at touch, no adhesion.
+    """k depth_1 (depth / depth_1)**n max(0, 1 + a rate): no jump at touch, no adhesion.
 
-    A subclass says what the damping `a` is. With a ball of radius r on a flat, Hertz gives n = 1.5 and
-    k = 4/3 E* sqrt(r), per `depth_1` of 1 m.
+    Subclasses define the damping `a`. For a ball of radius r on a plane, Hertz gives n = 1.5 and k = 4/3 E* sqrt(r)
+    with `depth_1` = 1 m.
 
     Parameters
     ----------
     k
-        Force at `depth_1`, per `depth_1` [N/m]. With `depth_1` = 1 m it is the number that is usually given in N/m**n.
+        Force at `depth_1` divided by `depth_1` [N/m]. With `depth_1` = 1 m, its value is that usually given in N/m**n.
     n
         Exponent, not below 1 [1].
     depth_1
@@ -102,11 +103,11 @@ class PartialPowerLaw(NormalLaw):
 
     @property
     def rate_factor(self) -> Expr:
-        """a: damping force per rate over the elastic force [s/m]."""
+        """The damping `a`: damping force divided by rate and elastic force [s/m]."""
         raise NotImplementedError
 
     def force(self, depth: Expr, rate: Expr) -> Expr:
-        # Continuous, so that no event is needed; many bodies at rest on each other would make many.
+        # The force is continuous and needs no event; many bodies at rest on each other would cause many.
         return maximum(self.elastic(depth) + self.damping(depth, rate), 0.0)
 
     def elastic(self, depth: Expr) -> Expr:
@@ -122,7 +123,7 @@ class PartialPowerLaw(NormalLaw):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DampedPowerLaw(PartialPowerLaw):
-    """Power law whose damping `a` [s/m] is given itself."""
+    """Power law whose damping `a` [s/m] is given directly."""
 
     a: Number = 0.0
 
@@ -138,7 +139,7 @@ class DampedPowerLaw(PartialPowerLaw):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PartialImpactLaw(PartialPowerLaw):
-    """Power law whose damping gives the restitution `e` [1] at the speed of impact `v_0` [m/s]."""
+    """Power law whose damping follows from a restitution `e` [1] at an impact speed `v_0` [m/s]."""
 
     e: Number
     v_0: Number

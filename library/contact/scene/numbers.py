@@ -1,4 +1,4 @@
-"""The numbers that laws of contact and friction are made of: their checks and their units."""
+"""Checks and units of the numbers in laws of contact and friction."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from acausal import Expr, quantity
 from acausal.errors import DeclarationError
 
 Number = float | Expr
-"""A number, or an expression of parameters, which is checked when the model runs."""
+"""A number, or an expression of parameters, which can only be checked when the model runs."""
 
 
 def check(law: object, *, positive: str = "", least: str = "", share: str = "") -> None:
-    """Refuse numbers outside the range of a law (AC178); names are separated by blanks.
+    """Raise AC178 for numbers outside the range of a law; each argument lists names separated by blanks.
 
-    `positive` ones are greater than 0, `least` ones at least 0, a `share` is greater than 0 and at most 1.
+    Those in `positive` must be greater than 0, in `least` at least 0, in `share` greater than 0 and at most 1.
     """
     wanted = [(n, "greater than 0") for n in positive.split()]
     wanted += [(n, "at least 0") for n in least.split()]
@@ -28,12 +28,12 @@ def check(law: object, *, positive: str = "", least: str = "", share: str = "") 
             raise DeclarationError(
                 "AC178",
                 f"{type(law).__name__}: {name} = {value:g} is not {words}",
-                help=f"give it another value: {type(law).__name__}({name}=...)",
+                help=f"change it: {type(law).__name__}({name}=...)",
             )
 
 
 def with_units(law: object, **units: str) -> None:
-    """Turn the numbers of a law into quantities, one unit for each name; expressions have theirs."""
+    """Turn the numbers of a law into quantities, with a unit for each name; expressions already have units."""
     for name, unit in units.items():
         value = getattr(law, name)
         if not isinstance(value, Expr):

@@ -1,4 +1,4 @@
-"""Outlines of all bodies of a scene as arrays: bounding boxes, and how far they have moved."""
+"""Outlines of all bodies of a scene as arrays, for their bounding boxes and displacements."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ class Outlines:
     Attributes
     ----------
     corners
-        Shape (n, 8, 3): points that move as far as any of the surface, but for `across`. A round body that turns
-        about its own axis stays where it is: of it these are points of its axis.
+        Points whose displacements bound that of the surface, shape (n, 8, 3), or (n, 1, 3) if all bodies are balls.
+        A round body that turns about its own axis does not move; its points are therefore on that axis, and `across`
+        accounts for the rest.
     axis, across
-        Shapes (n, 3) and (n,): axis of a round body, and how far its surface is from it.
+        Axis of a round body and the distance of its surface from it; shapes (n, 3) and (n,).
     place, turned, middle, half
         Pose of the shape in the body's frame, and its box: (n, 3), (n, 3, 3), (n, 3), (n, 3).
     endless
-        Numbers and bodies of those without an end.
+        Numbers and bodies of those that are infinite.
     """
 
     corners: Array
@@ -43,7 +44,7 @@ class Outlines:
 
     @classmethod
     def of(cls, bodies: Sequence[ContactBody]) -> Outlines:
-        """Of some bodies."""
+        """The outlines of some bodies."""
         n = len(bodies)
         sides = np.array([b.shape.bounding_box() for b in bodies], dtype=float).reshape(n, 2, 3)
         bounded = np.isfinite(sides).all(axis=(1, 2))
@@ -60,7 +61,7 @@ class Outlines:
             else:
                 corners[k] = list(product(*zip(low, high, strict=True)))
         low, high = sides[:, 0], sides[:, 1]
-        if not corners.any():  # of balls there is only the middle
+        if not corners.any():  # all bodies are balls, which only need their centre
             corners = corners[:, :1]
         return cls(
             corners=place[:, None, :] + np.einsum("bkj,bij->bki", corners, turned),
@@ -74,9 +75,9 @@ class Outlines:
         )
 
     def moved(self, before: tuple[Array, Array], r: Array, R: Array) -> Array:
-        """How far any point of any surface is from where it was [m], at m instants, shape (m,).
+        """Upper bound of the displacement of any point of any surface [m] at m instants, shape (m,).
 
-        Places of the bodies' frames have shape (n, 3), and (m, n, 3) at the instants, rotations (n, 3, 3) and
+        Positions of the bodies' frames have shape (n, 3) in `before` and (m, n, 3) in `r`, rotations (n, 3, 3) and
         (m, n, 3, 3).
         """
         shift, turn = r - before[0], R - before[1]
@@ -91,7 +92,7 @@ class Outlines:
     def boxes(self, r: Array, R: Array) -> tuple[Array, Array]:
         """Lowest and highest corners of boxes around the shapes in world axes [m], shape (n, 3) each.
 
-        Also at m instants, as `moved` has them: shape (m, n, 3) each, of bodies with an end.
+        For poses at m instants, as in `moved`, they have shape (m, n, 3); all bodies must then be finite.
         """
         turned = R @ self.turned
         middle = r + np.einsum("...bij,bj->...bi", R, self.place) + np.einsum("...bij,bj->...bi", turned, self.middle)

@@ -1,4 +1,4 @@
-"""A scene of bodies in contact: the pairs that can touch are found, not declared."""
+"""A scene of bodies in contact, which finds the pairs that can touch by itself."""
 
 from __future__ import annotations
 
@@ -43,37 +43,37 @@ from acausal.library.multibody.parts import Fixed
 
 Array = NDArray[np.float64]
 _SLACK = 1e-6
-"""How far [m], and by which part of its reach, a body may be beyond it: rounding, and the tolerance of a run."""
+"""Distance [m], and fraction of its reach, by which a body may exceed it: covers rounding and solver tolerances."""
 
 
 class Untouched(PartialAbsoluteSensor):
-    """Zero force on the frame of a body: it stays connected while no contact of the body is in the equations."""
+    """Zero force on a frame, so that it stays connected while no contact of its body is in the equations."""
 
 
 class Apart(Component):
-    """Placeholder without equations for a contact that is left out, so that the contacts after it keep their names."""
+    """Placeholder without equations for a contact that is left out, so that later contacts keep their names."""
 
 
 class ContactScene(Component):
     """Contacts between all bodies of a scene, without a list of pairs.
 
     Bodies are registered with their shapes (`bodies`); those that move are connected: `connect(self.box.frame_a,
-    self.scene.frame("box"))`. What is at rest needs no frame. Pairs that can never touch, by what is declared, are
-    dropped when the scene is made. Of the others, up to `keep` stay in the equations for the whole run. When there are
-    more, the run is divided: only pairs whose boxes, inflated by `skin`, overlap are in the equations, until some body
-    has moved so far that this may no longer be true (docs/devdocs/contact.md).
+    self.scene.frame("box"))`. Bodies at rest need no frame. Pairs that can never touch according to their declarations
+    are dropped when the scene is made. If at most `keep` others remain, all of them stay in the equations for the whole
+    run. If there are more, the run is divided into segments: only pairs whose boxes, inflated by `skin`, overlap are in
+    the equations, until a body has moved so far that others may overlap (docs/devdocs/contact.md).
 
-    `report()` says which pairs are in the equations, and why the others are not.
+    `report()` lists the pairs in the equations, and the reasons for which the others are left out.
     """
 
     bodies: tuple[ContactBody, ...] = structural(doc="The bodies of the scene")
     surfaces: Surfaces = structural(default=Surfaces(), doc="Laws between surfaces")
-    keep: int = structural(default=12, doc="Largest number of pairs that stay in the equations for the whole run")
+    keep: int = structural(default=12, doc="Up to this many pairs stay in the equations for the whole run")
     skin: float = structural(default=0.01, doc="Distance by which bounding boxes are inflated [m]")
 
     energy: Real = signal_output(unit="J", doc="Energy stored in all contacts")
     energy_normal: Real = signal_output(unit="J", doc="Energy stored between surfaces")
-    power_normal: Real = signal_output(unit="W", doc="Power that normal forces between surfaces take: stored or lost")
+    power_normal: Real = signal_output(unit="W", doc="Power taken by normal forces between surfaces, stored or lost")
     power_damping: Real = signal_output(unit="W", doc="Power lost by the damping of all contacts")
     power_friction: Real = signal_output(unit="W", doc="Power lost by friction in all contacts")
     power_cutting: Real = signal_output(unit="W", doc="Power of all cuts")
@@ -100,23 +100,23 @@ class ContactScene(Component):
         self.has_traces = any(b.trace for b in self.bodies)
         self._makers: dict[Pair, int] = {}
         self._kinds: dict[Pair, type[Component]] = {}
-        # Of many pairs few are ever near: all contacts are made when somebody asks for them all.
+        # Only few of many pairs are ever near: the contacts of all pairs are made on request only.
         self._is_made = len(self.ends[0]) <= self.keep or self.has_traces or self.surfaces.law is None
         self._pairs = self.candidates if self._is_made else ()
         self.contacts = [self._contact(i, j) for i, j in self._pairs]
 
     @property
     def candidates(self) -> tuple[Pair, ...]:
-        """Pairs that may ever touch, by what is declared of the bodies: numbers of two bodies each."""
+        """Pairs that the declarations of the bodies allow to touch: numbers of two bodies each."""
         return self.pairs_of(slice(None))
 
     def pairs_of(self, places: Any) -> tuple[Pair, ...]:
-        """The candidates at some places."""
+        """The candidates at some indices."""
         first, second = self.ends
         return tuple(zip(first[places].tolist(), second[places].tolist(), strict=True))
 
     def among(self, pairs: Sequence[Pair]) -> NDArray[np.bool_]:
-        """Which of the candidates are among some of them."""
+        """Which of the candidates are among `pairs`, as a mask."""
         first, second = self.ends
         n = len(self.bodies)
         return np.asarray(np.isin(first * n + second, [i * n + j for i, j in pairs]))
@@ -126,7 +126,7 @@ class ContactScene(Component):
             yield connect(frame, untouched.frame_a)
         for (i, j), contact in self._present():
             a, b = self.bodies[i], self.bodies[j]
-            # The one that made the contact knows its frames.
+            # The frames of a contact are known to the body that made it.
             owner, other = (a, b) if self.maker(i, j) == i else (b, a)
             end, other_end = owner.ends(contact)
             yield connect(self._frame_of(owner), end)
@@ -139,7 +139,7 @@ class ContactScene(Component):
                 yield from self._within(body, *body.reach)
 
     def _within(self, body: ContactBody, low: Vector, high: Vector) -> Equations:
-        """What was declared of a body holds: pairs were dropped for it."""
+        """Assert that a body stays within its declared reach, on account of which pairs were dropped."""
         r = self.frame(body.name).r_0
         beyond: Expr = as_expr(-1.0)
         for k in range(3):
@@ -148,11 +148,11 @@ class ContactScene(Component):
                 beyond = maximum(beyond, fabs(r[k] - quantity(middle, "m")) - quantity(half * (1 + _SLACK), "m"))
         yield assert_(
             ~(beyond > _SLACK),
-            f"{body.name} has left its reach, {tuple(low)} to {tuple(high)} m: what it can touch there was left out",
+            f"{body.name} has left its reach, {tuple(low)} to {tuple(high)} m: contacts out there are not modelled",
         )
 
     def _sum(self, name: str, *others: str) -> Expr:
-        """Sum over the contacts that have a quantity of this name, and the `others`."""
+        """Sum of a quantity over the contacts that have it; `others` are further names to add."""
         total = as_expr(0.0)
         for pair, contact in self._present():
             for account in self.bodies[self.maker(*pair)].accounts(contact):
@@ -188,7 +188,7 @@ class ContactScene(Component):
         counts = {**self.dropped, FAR: len(self.ends[0]) - len(pairs)}
         return PairReport(len(self.bodies), tuple(kept), tuple(Dropped(r, n) for r, n in counts.items() if n))
 
-    # What `acausal.language.choices.Changing` asks of components whose structure is chosen.
+    # The interface `acausal.language.choices.Changing` of components whose structure is chosen.
 
     def is_variable(self) -> bool:
         """Whether the structure changes during a run."""
@@ -197,7 +197,7 @@ class ContactScene(Component):
         )
 
     def whole(self) -> SceneChoice:
-        """All pairs that may touch by what is declared."""
+        """The choice of all candidate pairs."""
         wandering = filter(self._leaves_traces, self.candidates) if self.has_traces else ()
         return SceneChoice(self, self.candidates, wandering=tuple(wandering))
 
@@ -205,11 +205,11 @@ class ContactScene(Component):
         return hasattr(self.kind(pair), self.bodies[self.maker(*pair)].trace or "no trace")
 
     def least(self, steady: bool) -> SceneChoice:
-        """No pairs; `steady`: those that will be added keep the numbers that they have among all."""
+        """The choice of no pairs; with `steady`, pairs added later keep their numbers among all candidates."""
         return SceneChoice(self, (), steady=steady)
 
     def with_pairs(self, pairs: Sequence[Pair], steady: bool) -> ContactScene:
-        """The scene with the contacts of these pairs; `steady`: others leave their places empty."""
+        """The scene with the contacts of these pairs; with `steady`, the others leave placeholders."""
         is_whole = not steady and len(pairs) == len(self.ends[0])
         if is_whole and (len(self._pairs) == len(pairs) or "_whole" in self.__dict__):
             made: ContactScene = self.__dict__.get("_whole", self)
@@ -222,13 +222,13 @@ class ContactScene(Component):
         view = self._view({"_pairs": tuple(pairs), "_is_made": True})
         view._adopt("contacts", contacts)
         if is_whole:
-            self.__dict__["_whole"] = view  # made for this scene once, as it would have been in `build`
+            self.__dict__["_whole"] = view  # made once per scene, as in `build`
         else:
             self.__dict__["_last_view"] = (tuple(pairs), steady), view
         return view
 
     def kind(self, pair: Pair) -> type[Component]:
-        """Class of the contact of a pair."""
+        """Class of the contact component of a pair."""
         found: type[Component] | None = self._kinds.get(pair)
         if found is None:
             found = self._kinds[pair] = type(self._contact(*pair))

@@ -1,4 +1,4 @@
-"""The contact of two bodies: compliant, with friction, at all points where their shapes touch."""
+"""Compliant contact of two bodies with friction, at all points where their shapes touch."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ from acausal.library.multibody.orientation import IDENTITY, Rotation, Vector, ch
 
 Pose = tuple[Vector, Rotation]
 _LIGHT = quantity(1e-9, "m")
-"""Depth whose force is the least by which the velocities of points are averaged: that at touch is a quotient of zeros.
+"""Depth whose elastic force is the least weight in the mean velocity of points, which is 0/0 at first touch.
 
-A depth and not a force, since a body may weigh anything. With a tenth of it, corners of a box that tumbles land without
-time in between (AC502).
+It is a depth rather than a force because bodies may have any weight. With a tenth of it, the corners of a tumbling box
+land without time in between (AC502).
 """
 _STILL = quantity(1e-9, "m/s")
-"""Velocity below which the direction of sliding is rounded."""
+"""Velocity below which the direction of sliding is smoothed."""
 _BACK = 1e-3
-"""Part of the velocity of slow sliding by which a body has to move backward to be stuck."""
+"""A slowly sliding body sticks once it moves backward at this fraction of the velocity of slow sliding."""
 AT_FRAME: Pose = ((0.0, 0.0, 0.0), IDENTITY)
-"""A shape whose own axes are those of the frame of its body."""
+"""Pose of a shape whose axes coincide with those of its body's frame."""
 _STRAIGHT = as_expr((0.0, 0.0, 0.0)), as_expr(IDENTITY)
 
 
@@ -52,12 +52,13 @@ class SurfaceContact(Component):
     """Normal force and friction between the surfaces of two bodies.
 
     Each shape is fixed to a frame: its origin lies at `pose[0]` [m] in that frame, its axes are turned by `pose[1]`.
-    The laws hold at each point of contact: four corners on the ground are four springs. Friction by bristles has one
-    bristle per contact, bent by the mean velocity of sliding, weighted with the normal forces.
+    The laws hold at each point of contact: four corners on the ground are four springs. Bristle friction has one
+    bristle per contact, bent by the mean sliding velocity, weighted with the normal forces.
 
-    The work of all forces is accounted for: what the normal force takes (`power_normal`) is stored (`energy`) or damped
-    (`power_damping`), what friction takes is `power_friction`. Where points of contact change, `power_damping` needs
-    the rate of the stored energy, which is as long as the law: integrals are cheaper of `power_normal`.
+    The work of all forces is accounted for: the power of the normal force (`power_normal`) is stored (`energy`) or
+    damped (`power_damping`), that of friction is `power_friction`. Where points of contact change, `power_damping`
+    needs the rate of the stored energy, an expression as long as the law itself: integrals of `power_normal` are
+    cheaper.
     """
 
     frame_a: Frame = Frame()
@@ -65,8 +66,8 @@ class SurfaceContact(Component):
 
     shape_a: Shape = structural()
     shape_b: Shape = structural()
-    pose_a: Pose = structural(default=AT_FRAME, doc="Place [m] and rotation of shape_a in frame_a")
-    pose_b: Pose = structural(default=AT_FRAME, doc="Place [m] and rotation of shape_b in frame_b")
+    pose_a: Pose = structural(default=AT_FRAME, doc="Position [m] and rotation of shape_a in frame_a")
+    pose_b: Pose = structural(default=AT_FRAME, doc="Position [m] and rotation of shape_b in frame_b")
     law: NormalLaw = structural(doc="Normal force at each point")
     friction: FrictionLaw = structural(default=Coulomb(mu=0.0), doc="Friction force")
 
@@ -74,13 +75,13 @@ class SurfaceContact(Component):
     F_N: Real = variable(unit="N", nominal=1e3, doc="Sum of the normal forces of all points")
     f_0: Real = variable(unit="N", shape=3, nominal=1e3, doc="Force on the body at frame_b, in world axes")
     energy: Real = variable(unit="J", doc="Energy stored in the contact")
-    power_normal: Real = variable(unit="W", doc="Power that the normal force takes, to be stored or lost")
+    power_normal: Real = variable(unit="W", doc="Power taken by the normal force, stored or lost")
     power_damping: Real = variable(unit="W", doc="Power lost by the damping of the normal force")
-    power_fading: Real = variable(unit="W", doc="Part of power_damping that changing points of contact take")
-    slip: Real = variable(unit="m/s", shape=3, doc="Mean velocity of sliding; with bristles only")
+    power_fading: Real = variable(unit="W", doc="Part of power_damping due to changing points of contact")
+    slip: Real = variable(unit="m/s", shape=3, doc="Mean sliding velocity; with bristles only")
     power_friction: Real = variable(unit="W", doc="Power taken by friction; with bristles, partly stored")
     bristle: Real = variable(
-        unit="m", shape=3, nominal=1e-5, doc="Bending of the bristles, in world axes; LuGre, Hybrid"
+        unit="m", shape=3, nominal=1e-5, doc="Deflection of the bristles, in world axes; LuGre, Hybrid"
     )
     mode: Real = integer(default=0, doc="0 stuck, 1 sliding slowly, 2 sliding; Hybrid only")
     direction: Real = discrete(unit="1", shape=3, doc="Direction of slow sliding; Hybrid only")
@@ -102,11 +103,11 @@ class SurfaceContact(Component):
         yield self.energy == _total([load.energy for load in loads])
         elastic = _total([load.elastic for load in loads])
         yield self.power_normal == _total([load.taken for load in loads])
-        # Points that slide along edges and fade take energy with them, which the law does not know of.
+        # Points that fade out while sliding along edges lose stored energy, which the law does not account for.
         yield self.power_fading == (elastic - der(self.energy) if any(p.share is not None for p in points) else 0.0)
         yield self.power_damping == _total([load.damping for load in loads]) + self.power_fading
         yield self.power_friction == _total([load.friction for load in loads])
-        # Moments about one origin are one vector product per point; the rest is done once.
+        # Taking all moments about one origin needs one vector product per point; the rest is common.
         moment = axes @ _total([cross(p.place, load.force) for p, load in zip(points, loads, strict=True)])
         yield a.f == a.R.T @ self.f_0
         yield b.f == -(b.R.T @ self.f_0)
@@ -130,8 +131,8 @@ class SurfaceContact(Component):
     def _axes(self) -> tuple[Expr, Expr]:
         """Origin [m] and rotation of the axes in which points of contact are computed.
 
-        Two boxes see each other from the axes of the first: all its own corners, faces and edges are numbers there,
-        which leaves out a tenth of the operations. For others, and for bristles, these are the world's axes.
+        For two boxes these are the axes of the first: its corners, faces and edges are constants there, which saves a
+        tenth of the operations. For other shapes, and with bristles, they are the world axes.
         """
         return _placed(self.frame_a, self.pose_a) if self._is_relative() else _STRAIGHT
 
@@ -139,10 +140,10 @@ class SurfaceContact(Component):
         return isinstance(self.shape_a, Box) and isinstance(self.shape_b, Box) and not self.friction.has_bristle
 
     def _modes(self, law: Hybrid) -> Equations:
-        """Which mode follows which, and how the spring between the surfaces is bent."""
+        """Transitions between the modes, and the deflection of the spring between the surfaces."""
         stuck, slow = (equals(pre(self.mode), m) for m in (0, 1))
         pull, along = self._pull(law), dot(self.slip, self.direction)
-        # What does not count in a mode is kept away from its guard there.
+        # A guard that does not apply in a mode is given a value away from zero there.
         breaks = where(stuck, dot(pull, pull) - law.limit * law.limit, -1.0) > 0.0
         turns = where(slow, along + _BACK * law.v_s, law.v_s) < 0.0
         speed = smooth_speed(self.slip, _STILL)
@@ -151,7 +152,7 @@ class SurfaceContact(Component):
         yield self.mode == where(stuck, where(breaks, 1, 0), where(slow, after_slow, where(fast, 2, 1)))
         pulled = smooth_speed(pull, 1e-9)
         for k in range(3):
-            # Its own velocity gives the direction of what slides, and what pulls that of what begins to.
+            # The direction is that of the velocity when sliding, and that of the pull at breakaway.
             sliding = where(slow, pre(self.direction[k]), self.slip[k] / speed)
             yield self.direction[k] == where(stuck, pull[k] / pulled, sliding)
             follows = (law.mu * self._way(k, speed) / law.s_0 - self.bristle[k]) / law.relaxation
@@ -159,11 +160,11 @@ class SurfaceContact(Component):
             yield der(self.bristle[k]) == where(equals(self.mode, 0), held, follows)
 
     def _pull(self, law: Hybrid) -> Expr:
-        """Force of the spring and the damper of a stuck contact over the normal force [1], vector."""
+        """Force of the spring and the damper of a stuck contact per normal force [1], vector."""
         return law.s_0 * self.bristle + law.s_1 * self.slip
 
     def _way(self, k: int, speed: Expr) -> Expr:
-        """Direction of the sliding, along one axis."""
+        """Component `k` of the direction of sliding."""
         return where(equals(self.mode, 1), self.direction[k], self.slip[k] / speed)
 
     def initial_equations(self) -> Equations:
@@ -191,7 +192,7 @@ class SurfaceContact(Component):
         return _Load(point.normal * pressed + drag, pressed, energy, taken, damping, kept, rubbed)
 
     def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
-        """Friction over the normal force at a point [1], vector in the plane of contact."""
+        """Friction per normal force at a point [1], vector in the plane of contact."""
         bent, speed = self.bristle * law.s_0, smooth_speed(slip, _STILL)
         bent = bent - normal * dot(bent, normal)
         way = self.direction - normal * dot(self.direction, normal)
@@ -201,14 +202,14 @@ class SurfaceContact(Component):
         )
 
     def _slip(self, point: Touch) -> Expr:
-        """Velocity of a over b in the plane of contact [m/s], in the axes of the points."""
+        """Velocity of a relative to b in the plane of contact [m/s], in the axes of the points."""
         v = self._velocity(point)
         return v - point.normal * dot(point.normal, v)
 
     def _velocity(self, point: Touch) -> Expr:
-        """Velocity of body a against body b at a point [m/s], in the axes of the points.
+        """Velocity of body a relative to body b at a point [m/s], in the axes of the points.
 
-        Written with what does not depend on the point in front, so that many points share it.
+        Terms that do not depend on the point come first, so that all points share them.
         """
         a, b = self.frame_a, self.frame_b
         origin, axes = self._axes()
@@ -219,9 +220,9 @@ class SurfaceContact(Component):
 
 @dataclass(frozen=True, eq=False)
 class _Load:
-    """What acts at one point: force on b [N] in its axes, its normal part [N], energy [J], and powers [W].
+    """Load at one point: force on b [N] in its axes, its normal part [N], energy [J], and powers [W].
 
-    `taken` is the power of the normal force, `damping` and `elastic` are those of its two parts.
+    `taken` is the power of the normal force; `damping` and `elastic` are the powers of its two parts.
     """
 
     force: Expr
@@ -234,7 +235,7 @@ class _Load:
 
 
 def _placed(frame: Frame, pose: Pose) -> tuple[Expr, Expr]:
-    """Place [m] and rotation of a shape in world axes."""
+    """Position [m] and rotation of a shape in world axes."""
     r, R = pose
     place = frame.r_0 + frame.R @ as_expr(r) if any(r) else frame.r_0
     return place, frame.R if R == IDENTITY else frame.R @ as_expr(R)

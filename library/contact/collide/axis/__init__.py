@@ -1,1 +1,1 @@
-"""A line and the faces of a shape through which it passes."""
+"""Intersections of a line with the faces of a shape."""

@@ -1,16 +1,16 @@
-"""How deep a point is in a convex shape along a line, as a function that equations call.
+"""Depth of a point in a convex shape along a line, as a function that equations can call.
 
     depth, beyond, beside, normal = crossing(Box((0.1, 0.1, 0.05)))(tip, axis)
 
-`tip` [m] and the unit vector `axis` are in the axes of the shape. Outputs: `depth` [m], how far the tip is behind the
-face through which the line enters; `beyond` [m], behind the one through which it leaves; `beside`, positive when the
-line misses the shape (`depth` and `beyond` then count from the planes across the line that touch it in front and
-behind, so that they do not jump where a line moves off a face); and `normal`, the outward unit normal where the line
-enters.
+`tip` [m] and the unit vector `axis` are in the axes of the shape. Outputs: `depth` [m], the distance of the tip behind
+the face through which the line enters; `beyond` [m], that behind the face through which it leaves; `beside`, positive
+if the line misses the shape (`depth` and `beyond` then count from the planes perpendicular to the line that touch the
+shape in front and behind, so that they do not jump where a line moves off a face); and `normal`, the outward unit
+normal where the line enters.
 
 Minkowski Portal Refinement finds the faces, with the line as its ray: one call, without derivatives. For shapes with
-flat faces the rest is a plane; for round ones two steps of Newton's method make it exact, so that both may be
-differentiated as often as wanted. Balls and cylinders have closed forms.
+flat faces, what remains is an intersection with a plane; for round ones, two steps of Newton's method make it exact. In
+both cases the result can be differentiated repeatedly. Balls and cylinders have closed forms.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from acausal import External
 from acausal.library.contact.collide.shapes import Cylinder, HalfSpace, Shape, Sphere
 
 _FAR = 1e3
-"""Depth [m] of the face that a half-space does not have."""
+"""Depth [m] that stands for the exit face, which a half-space does not have."""
 
 _GRAZING = math.sin(math.radians(1.0))
-"""Sine of the angle between line and face below which the line goes along the shape and not into it."""
+"""Sine of the angle between line and face below which the line counts as grazing the shape."""
 
 _FLOOR = 1e-12
 
@@ -65,7 +65,7 @@ def crossing_function(shape: Shape) -> Any:
 
 
 def crossed(shape: Shape, tip: Any, axis: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
-    """Depth behind entry and exit [m], whether the line meets the shape, normal, begin and end along the line [m]."""
+    """Depth behind entry and exit [m], whether the line meets the shape, normal, start and end along the line [m]."""
     import casadi as ca
 
     from acausal.library.contact.collide.axis.search import faces
@@ -90,7 +90,7 @@ def crossed(shape: Shape, tip: Any, axis: Any) -> tuple[Any, Any, Any, Any, Any,
 def _cylinder(shape: Cylinder, p: Any, e: Any) -> tuple[Any, Any, Any, Any, Any, Any]:
     import casadi as ca
 
-    # The part across the axis; a line along the axis crosses no side.
+    # Square of the component across the axis; a line along the axis does not cross the lateral surface.
     share = ca.fmax(e[0] ** 2 + e[1] ** 2, _FLOOR)
     middle, half, hit = _chord(p[0] * e[0] + p[1] * e[1], p[0] ** 2 + p[1] ** 2 - shape.radius**2, share)
     sense, side, steep = ca.copysign(1, e[2]), shape.length / 2, ca.fmax(ca.fabs(e[2]), _FLOOR)
@@ -104,9 +104,9 @@ def _cylinder(shape: Cylinder, p: Any, e: Any) -> tuple[Any, Any, Any, Any, Any,
 
 
 def _chord(along: Any, inside: Any, share: Any) -> tuple[Any, Any, Any]:
-    """How far a point is beyond the middle of a line's chord in a circle, half the chord, and whether there is one.
+    """Distance of a point beyond the middle of a line's chord in a circle, half the chord, and whether there is one.
 
-    They solve share x**2 - 2 along x + inside = 0 for the way x back to the circle.
+    They solve share x**2 - 2 along x + inside = 0 for the distance x back to the circle.
     """
     import casadi as ca
 

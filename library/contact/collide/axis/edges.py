@@ -1,9 +1,9 @@
-"""By how much a line misses a convex shape, as a function that equations call.
+"""Distance between a line and a convex shape, as a function that equations can call.
 
     outside = edge_distance(Box((0.1, 0.1, 0.05)))(tip, axis)
 
-Point `tip` [m] and unit vector `axis` of the line are in the axes of the shape, `outside` [m] is 0 where they meet. In
-the plane across the line both are a point and a flat convex shape, whose distance is found as in
+Point `tip` [m] and unit vector `axis` of the line are in the axes of the shape; `outside` [m] is 0 where they meet.
+Projected along the line, they are a point and a plane convex shape, whose distance is found as in
 `library/contact/collide/distance.py`; for a box there is a closed form.
 """
 
@@ -20,10 +20,10 @@ from acausal.library.contact.collide.shapes import Box, HalfSpace, Shape
 
 _FLOOR = 1e-30
 _MOST = 32
-"""Bound of the iterations: hulls take 3 to 5, circles up to 12."""
+"""Largest number of iterations: hulls take 3 to 5, circles up to 12."""
 
 _TOLERANCE = 1e-6
-"""Of the distance, in lengths of the shape."""
+"""Tolerance of the distance relative to the size of the shape."""
 
 _FAR = 1e3
 
@@ -38,7 +38,7 @@ def edge_distance(shape: Shape) -> External:
 
 @dataclass(frozen=True)
 class _Shadow:
-    """The shape seen along the line, with the line at the origin; support points as `distance.step` wants them."""
+    """The shape projected along the line, with the line at the origin; support points for `distance.step`."""
 
     shape: Any
     p: Any
@@ -55,7 +55,7 @@ class _Shadow:
 
 @lru_cache(maxsize=256)
 def edge_distance_function(shape: Shape) -> Any:
-    """The CasADi Function behind `edge_distance`; a search, where there is one, is one call without derivatives."""
+    """The CasADi Function of `edge_distance`; a search, if needed, is one call without derivatives."""
     import casadi as ca
 
     p, e = ca.SX.sym("tip", 3), ca.SX.sym("axis", 3)
@@ -67,13 +67,13 @@ def edge_distance_function(shape: Shape) -> Any:
 
 
 def _of_box(box: Box, p: Any, e: Any) -> Any:
-    """A box looks like a hexagon: of three pairs of parallel edges, each has its normal across one of the box's."""
+    """Closed form for a box, whose projection is a hexagon with three pairs of parallel edges."""
     import casadi as ca
 
     outside, inside = ca.SX(_FAR), ca.SX(_FAR)
     for k in range(3):
         h, i, j = box.half[k], (k + 1) % 3, (k + 2) % 3
-        # Seen along the line, the edges along k all have this half length and direction.
+        # Projected along the line, all edges along k have this half length and direction.
         half = h * (ca.DM.eye(3)[:, k] - e[k] * e)
         square = ca.fmax(ca.sumsqr(half), _FLOOR)
         for one in (-1, 1):
@@ -87,7 +87,7 @@ def _of_box(box: Box, p: Any, e: Any) -> Any:
         across = ca.cross(e, ca.DM.eye(3)[:, k])
         length = ca.norm_2(across)
         room = sum(b * ca.fabs(across[m]) for m, b in enumerate(box.half)) - ca.fabs(ca.dot(across, p))
-        # A line along an edge has no pair of its own.
+        # A line parallel to axis k sees no pair of edges along it.
         inside = ca.fmin(inside, ca.if_else(length > 1e-9, room / ca.fmax(length, 1e-9), _FAR))
     return ca.if_else(inside > 0, 0, outside)
 

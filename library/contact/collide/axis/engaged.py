@@ -1,14 +1,15 @@
-"""How far the cone of a drill is in a shape, against what a force law takes for it, as a function that equations call.
+"""Engagement of a drill's cone in a shape, compared with that assumed by a force law, as a function for equations.
 
     room = engaged(Box((0.1, 0.1, 0.05)))(tip, axis, s, s_exit, d, slope)
 
 Point `tip` [m] and unit vector `axis` of the drill are in the axes of the shape; `s` and `s_exit` [m] are the depths of
 the tip behind entry and exit along the axis, `d` [m] the diameter, `slope` the tangent of half the point angle. A force
-law for a flat face across the axis takes the cut for a ring between the circles of these two depths. Here the lines of
-the cone from the tip to the rim are crossed with the shape: what they have of it, averaged over the directions around
-the axis, gives the width and the area of the real cut of a turning drill. `room` is positive while both are those of
-the ring to `SHARE`, whatever is within the cut: an edge, a ridge, an apex, an inclined or a curved face. The cut of a
-line is convex, so nothing can hide between its ends; between two of the lines an edge may cut off a hundredth.
+law for a flat face across the axis assumes that the cut is a ring between the circles of these two depths. Here the
+lines of the cone from the tip to the rim are intersected with the shape: their parts inside, averaged over the
+directions around the axis, give the width and the area of the real cut of a turning drill. `room` is positive while
+both agree with those of the ring up to the fraction `SHARE`, whatever is within the cut: an edge, a ridge, an apex, an
+inclined or a curved face. The part of a line inside a convex shape is one interval, so it has no gaps; an edge between
+two of the lines may cut off a hundredth unnoticed.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ from acausal.library.contact.collide.shapes import (
 )
 
 SHARE = 0.05
-"""Part of the width or the area of the cut by which the real cut may differ."""
+"""Largest relative deviation of the width and the area of the real cut."""
 
 _LINES = 12
 _TINY = 1e-5
-"""Width and area below which there is no cut, in diameters and their squares."""
+"""Width and area of a cut that count as none, relative to the diameter and its square."""
 _PARALLEL = 1e-12
 _FEW_FACES = 16
 
@@ -61,7 +62,7 @@ def engaged_in_box() -> External:
 
 @lru_cache(maxsize=256)
 def engaged_function(shape: Shape) -> Any:
-    """The CasADi Function behind `engaged`."""
+    """The CasADi Function of `engaged`."""
     import casadi as ca
 
     rows = _faces(shape)
@@ -88,14 +89,14 @@ def _inputs(made: Any) -> list[Any]:
 
 
 def _faces(shape: Shape) -> Any:
-    """Flat faces of the shape as (outward normal, offset), shape (m, 4); None for others."""
+    """Faces of a polyhedral shape as (outward normal, offset), shape (m, 4); None for other shapes."""
     if isinstance(shape, HalfSpace):
         return np.array([[0.0, 0.0, 1.0, 0.0]])
     return shape.faces if isinstance(shape, ConvexHull) else None
 
 
 def _cone(e: Any, slope: Any) -> Any:
-    """Directions of the lines of a cone towards its tip, shape (3, n), for its axis."""
+    """Directions of the generating lines of a cone towards its tip, for its axis e; shape (3, n)."""
     import casadi as ca
 
     # T. Duff et al., Building an orthonormal basis, revisited, J. Computer Graphics Techniques 6 (2017).
@@ -110,7 +111,7 @@ def _cone(e: Any, slope: Any) -> Any:
 
 
 def _between(normals: Any, offsets: Any, tip: Any, g: Any) -> tuple[Any, Any]:
-    """Ways back from the tip along lines g between which they are behind all faces, shapes (1, n)."""
+    """Distances back from the tip along lines g between which they are behind all faces, shapes (1, n)."""
     import casadi as ca
 
     steep, gap = normals @ g, normals @ tip - offsets
@@ -126,7 +127,7 @@ _FAR = 1e3
 
 
 def _in_slabs(half: Any, tip: Any, g: Any) -> tuple[Any, Any]:
-    """As `_between`, of a box, whose parallel faces take half as many operations in pairs."""
+    """As `_between`, for a box: treating parallel faces in pairs halves the number of operations."""
     import casadi as ca
 
     per_length = 1 / ca.if_else(ca.fabs(g) > _PARALLEL, g, _PARALLEL)
@@ -137,7 +138,7 @@ def _in_slabs(half: Any, tip: Any, g: Any) -> tuple[Any, Any]:
 
 
 def _crossed(shape: Shape, tip: Any, g: Any) -> tuple[Any, Any]:
-    """As `_between`, of others: a capsule is a cylinder and two balls, a cone a part of a cylinder."""
+    """As `_between`, for round shapes; a capsule is the union of a cylinder and two balls."""
     import casadi as ca
 
     if isinstance(shape, Box):
@@ -165,14 +166,14 @@ def _chords(shape: Shape, tip: Any, g: Any) -> tuple[Any, Any]:
 
     from acausal.library.contact.collide.axis.crossing import crossed
 
-    # Grazing lines count here: without them the cut would jump.
+    # Grazing lines are included here; without them the cut would jump.
     found = [crossed(shape, tip, g[:, k]) for k in range(_LINES)]
     depth, beyond, hit = (ca.horzcat(*(f[k] for f in found)) for k in range(3))
     return beyond, ca.if_else(hit, depth, -_FAR)
 
 
 def _in_cone(slope: float, tip: Any, g: Any) -> tuple[Any, Any]:
-    """As `_between`, of a cone without end about z with its apex at the origin: where across <= slope z."""
+    """As `_between`, for an infinite cone about z with its apex at the origin: where across <= slope z."""
     import casadi as ca
 
     form = ca.diag([1.0, 1.0, -(slope**2)])
@@ -181,7 +182,7 @@ def _in_cone(slope: float, tip: Any, g: Any) -> tuple[Any, Any]:
     middle = linear / square
     apart = middle**2 - ca.dot(tip, form @ tip) / square
     half = ca.sqrt(ca.fmax(apart, 1e-30))
-    # A steep line is in both halves of the double cone, in the one from here on; others in one, or none.
+    # A steep line meets both halves of the double cone, the valid one from here on; others meet one half or none.
     steep, up = square < 0, g[2, :] < 0
     one = ca.logic_and(apart > 0, tip[2] - middle * g[2, :] > 0)
     low = ca.if_else(steep, ca.if_else(up, middle + half, -_FAR), middle - half)
@@ -190,17 +191,17 @@ def _in_cone(slope: float, tip: Any, g: Any) -> tuple[Any, Any]:
 
 
 def _room(given: list[Any], low: Any, high: Any) -> Any:
-    """The Function of `given`."""
+    """The Function `given -> room`; `low` and `high` bound the engaged part of each line."""
     import casadi as ca
 
     _, _, s, s_exit, d, slope = given[:6]
-    # Of a length along a line of the cone, the part across the axis.
+    # Component across the axis of a unit length along a line of the cone.
     across = slope / ca.sqrt(1 + slope**2)
     inner = ca.fmin(ca.fmax(across * low, 0), d / 2)
     outer = ca.fmax(ca.fmin(across * high, d / 2), inner)
     cone, thickness = d / 2 / slope, ca.fmax(s - s_exit, 0)
     width, area = _ring(slope, ca.fmin(ca.fmax(s, 0), cone), ca.fmin(ca.fmax(s_exit, 0), cone))
-    # While the drill comes out the cut vanishes: what counts is what it was when the cone was in.
+    # As the drill comes out the cut vanishes; deviations are therefore relative to that of the fully engaged cone.
     deep = ca.fmin(ca.fmax(s, 0), cone)
     most_width, most_area = _ring(slope, deep, ca.fmax(deep - thickness, 0))
     wide = SHARE * most_width + _TINY * d - ca.fabs(ca.sum2(outer - inner) / _LINES - width)
@@ -209,5 +210,5 @@ def _room(given: list[Any], low: Any, high: Any) -> Any:
 
 
 def _ring(slope: Any, outer: Any, inner: Any) -> tuple[Any, Any]:
-    """Width [m], and area over pi [m2], of the ring that a cone cuts between two depths."""
+    """Width [m], and area divided by pi [m2], of the ring that a cone cuts between two depths."""
     return slope * (outer - inner), slope**2 * (outer**2 - inner**2)

@@ -1,11 +1,12 @@
 """The face through which a line leaves a round shape, as the solution of equations: exact, and differentiable.
 
-With the circles known that touch the face, its normal n, their weights l and the way u along the line solve
+Given the circles that touch the face, its normal n, their weights l and the distance u along the line solve
 
     sum l_i w_i(n) = p + u g,   sum l_i = 1,   n . w_i(n) equal for all i,   n . g = 1
 
 where w_i(n) is the point of circle i in direction n, grown by the margin, and g the direction in which the line leaves.
-They say that (h(n) - n . p) / (n . g) is least, h the support function: a convex problem, so that there is one way out.
+These are the conditions for a minimum of (h(n) - n . p) / (n . g), where h is the support function: a convex problem,
+whose solution is unique.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ _N = slice(14, 17)
 _L = [17, 18]
 SOUND = 19
 SIZE = 20
-"""Three circles, whether the second and the third count, normal, weights of these two, whether it is a solution."""
+"""Three circles, which of the last two are active, normal, weights of these two, whether it is a solution."""
 
 _STEPS = 4
 _SAME = 1e-14
 
 
 def start(state: Any, g: Any) -> Any:
-    """The contact (SIZE, 1) with the circles of a portal; equal ones count once."""
+    """Initial contact (SIZE, 1) with the circles of a portal; equal ones count once."""
     n = axis_portal.normal(state)
     found = axis_portal.vertices(state)
     f = [settled(v[3:], n) for v in found]
@@ -42,7 +43,7 @@ def start(state: Any, g: Any) -> Any:
 
 
 def solved(body: axis_portal.Body, contact: Any, p: Any, g: Any) -> Any:
-    """The contact after a few steps, sound if it is a solution and no point of the shape stands out."""
+    """The contact after a few steps, sound if it is a solution and no point of the shape lies outside the plane."""
     margin = body.margin
     for _ in range(_STEPS):
         contact = newton(margin, contact, p, g)
@@ -58,7 +59,7 @@ def solved(body: axis_portal.Body, contact: Any, p: Any, g: Any) -> Any:
 
 
 def newton(margin: float, contact: Any, p: Any, g: Any) -> Any:
-    """One step of Newton's method; a contact that is not sound stays as it is."""
+    """One step of Newton's method; a contact that is not sound is returned unchanged."""
     circles, on, n, weights = _parts(contact)
     sound = contact[SOUND] > 0.5
     w = [_place(margin, f, n) for f in circles]
@@ -89,7 +90,7 @@ def plane(margin: float, contact: Any, p: Any, g: Any) -> tuple[Any, Any]:
 
 
 def point(margin: float, contact: Any) -> Any:
-    """Where the line crosses the face (3, 1); of a contact that is not sound, a point of the face."""
+    """The point (3, 1) at which the line crosses the face; for a contact that is not sound, any point of the face."""
     circles, _, n, weights = _parts(contact)
     one, two, three = (_place(margin, f, n) for f in circles)
     mixed = (1 - weights[0] - weights[1]) * one + weights[0] * two + weights[1] * three
@@ -97,7 +98,7 @@ def point(margin: float, contact: Any) -> Any:
 
 
 def _parts(contact: Any) -> tuple[list[Any], list[Any], Any, list[Any]]:
-    on = [contact[k] > 0.5 for k in _ON]  # a frozen call still adds rounding errors
+    on = [contact[k] > 0.5 for k in _ON]  # a frozen call adds rounding errors to the flags
     return [contact[f] for f in _F], on, contact[_N], [contact[k] for k in _L]
 
 
@@ -107,7 +108,7 @@ def _place(margin: float, circle: Any, n: Any) -> Any:
 
 
 def _bend(margin: float, circle: Any, n: Any) -> Any:
-    """Derivative (3, 3) of the point of a circle with respect to n, which need not have length 1."""
+    """Derivative (3, 3) of the point of a circle with respect to n, which need not be a unit vector."""
     bend = curvature(circle, n)
     if margin:
         square = ca.sumsqr(n)

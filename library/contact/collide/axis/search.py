@@ -1,4 +1,4 @@
-"""From a line to the faces of a shape through which it enters and leaves: search, then what has derivatives."""
+"""Faces through which a line enters and leaves a shape: a search, followed by differentiable equations."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from acausal.library.contact.collide.minkowski import core
 from acausal.library.contact.collide.shapes import Shape
 
 _MOST_TRIANGLE, _MOST_REFINE = 32, 64
-"""Bounds of the iterations; what is typical is 3 and 3 for boxes, 10 and 20 for round shapes."""
+"""Largest numbers of iterations; typical are 3 and 3 for boxes, 10 and 20 for round shapes."""
 
 _AT_ONCE = (2, 4)
-"""So many steps of both are done without a call in between, which would cost more than they do."""
+"""Numbers of steps of both that are done inline: calls would cost more than the steps."""
 
 _FEW_CORNERS = 16
 
 _COARSE, _FINE = 1e-4, 1e-13
-"""How far a portal may be inside the shape: where circles are polished, and where they are not."""
+"""Largest depth of a portal inside the shape: with circles, which are polished later, and without."""
 
 _NUDGE = (0.43e-11, -0.27e-11, 0.61e-11)
 """Moves the line out of vertices and edges; their faces meet there, so that it does not matter which one is found."""
@@ -93,7 +93,7 @@ def _at_once(body: Body) -> Any:
 
 
 def _thorough(body: Body) -> Any:
-    """`line -> result` in as many steps as it takes."""
+    """`line -> result` in as many steps as necessary."""
     line, triangle = ca.SX.sym("line", 6), ca.SX.sym("triangle", axis_portal.TRIANGLE)
     p, e = line[:3], line[3:]
     begin = _after(body, "begin", [line], axis_portal.outset(body, p, e), partial(axis_portal.begin, body, p))
@@ -142,7 +142,7 @@ def _refinement(body: Body, sense: float, tolerance: float) -> Any:
 
 
 def _after(body: Body, name: str, inputs: list[Any], d: Any, after: Callable[[Any, Any], Any]) -> Any:
-    """The Function of what `after` makes of a direction d and the vertex there, both SX of the inputs."""
+    """The Function that applies `after` to a direction d and the vertex found there, both SX of the inputs."""
     if body.round or len(body.core.rings) <= _FEW_CORNERS:
         return ca.Function(name, inputs, [after(d, body.support(d))], _CALL)
     direction = ca.Function("direction", inputs, [d], _CALL)
@@ -150,7 +150,7 @@ def _after(body: Body, name: str, inputs: list[Any], d: Any, after: Callable[[An
     taken = ca.Function("taken", [*inputs, way, found], [after(way, found)], _CALL)
     given = [ca.MX.sym(f"i{k}", x.numel()) for k, x in enumerate(inputs)]
     chosen = direction(*given)
-    # All heights as one product of matrices: written out they would be twenty instructions each.
+    # All heights as one matrix product: written out they would take twenty instructions each.
     corners = ca.MX(ca.DM(body.core.rings[:, :3].T))
     heights = corners.T @ chosen
     corner = corners[:, ca.find(heights >= ca.mmax(heights))]
