@@ -15,7 +15,7 @@ import sys
 from acausal.errors import DeclarationError, Span
 
 SPEED_CARBIDE = 1.0
-"""Factor of the cutting speed for carbide, at whose speeds the tables are measured."""
+"""Factor of the cutting speed for carbide: the tables were measured at its speeds."""
 SPEED_HSS = 1.2
 """Factor of the cutting speed for high-speed steel: slower cuts need more force."""
 WORN = 1.3
@@ -40,15 +40,15 @@ def rake_correction(gamma: float, gamma_0: float = RAKE_STEEL) -> float:
     Raises
     ------
     DeclarationError
-        AC180 outside of -30 to 45 degrees: no angle of a drill, perhaps given in degrees.
+        AC180 outside -30 to 45 degrees: such angles do not occur; the value may be in degrees.
     """
     if not -30.0 <= math.degrees(gamma) <= 45.0:
         caller = sys._getframe(1)
         raise DeclarationError(
             "AC180",
-            f"a rake angle of {gamma:g} rad is none of a drill",
+            f"a rake angle of {gamma:g} rad does not occur on drills",
             where=(Span(caller.f_code.co_filename, caller.f_lineno),),
-            cause="perhaps it is meant in degrees" if abs(gamma) > 1.0 else None,
+            cause="perhaps it is given in degrees" if abs(gamma) > 1.0 else None,
             help="rake_correction(math.radians(20.0)), between -30 and 45 degrees",
         )
     return 1.0 - math.degrees(gamma - gamma_0) / 100.0

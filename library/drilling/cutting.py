@@ -26,11 +26,11 @@ class PartialCuttingForce(Component):
     """Kienzle's law on the engaged part of the edges; a subclass defines the feed per edge `f_z`.
 
     The feed force acts at the tip along the drill axis, forward on the plate and backward on the drill; the cutting
-    torque drags the plate along and brakes the drill. Nothing acts across the axis.
+    torque drags the plate along and brakes the drill. There is no force across the axis.
 
-    Source: founding paper, equations (1) to (10). Beyond the paper: the torque, of the cutting force at the middle
-    radius of the engaged edges, and `h_min`: the paper caps k_c at feeds below "1 mm", which would freeze it in all
-    normal drilling; about 1 um is meant.
+    Source: founding paper, equations (1) to (10). Beyond the paper: the torque, which is that of the cutting force at
+    the mean radius of the engaged edges, and `h_min`: the paper limits k_c at feeds below "1 mm", which would keep it
+    constant in all normal drilling; about 1 um must be meant.
     """
 
     frame_a: Frame = Frame()
@@ -56,7 +56,7 @@ class PartialCuttingForce(Component):
     d_O: Real = signal_input(unit="m", doc="Outer diameter of the engaged part of the edges")
     d_I: Real = signal_input(unit="m", doc="Inner diameter of the engaged part of the edges")
     omega: Real = signal_input(
-        unit="rad/s", doc="Angular velocity of the drill against the plate, about the drill axis"
+        unit="rad/s", doc="Angular velocity of the drill relative to the plate, about the drill axis"
     )
     n: Real = signal_input(unit="1/s", doc="Rotational speed, not negative")
 
@@ -90,12 +90,12 @@ class PartialCuttingForce(Component):
         yield w.t == -braking * self.axis - cross(self.tip, thrust * self.axis)
 
     def braking(self) -> Expr:
-        """The torque that acts on the drill, with sign [N.m].
+        """Signed torque on the drill [N.m].
 
-        A jump of the torque at standstill would let a drill chatter that its own drive can no longer turn.
+        It is continuous at standstill: a jump would make a drill chatter that its drive can no longer turn.
         """
         return self.torque * tanh(self.omega / self.omega_1)
 
     def thrust_on_axis(self) -> Expr:
-        """Force along the axis that pushes the drill back [N]; more than the feed force with a chisel edge."""
+        """Force along the axis that pushes the drill back [N]: with a chisel edge, more than the feed force."""
         return self.F_f

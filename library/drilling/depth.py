@@ -6,10 +6,10 @@ from acausal import Component, Equations, Real, der, parameter, signal_input, si
 
 
 class DrillDepthCalculation(Component):
-    """Depth of the ground of the hole, which increases with the feed and never decreases.
+    """Depth of the bottom of the hole, which increases with the feed and never decreases.
 
     Source: founding paper, equations (17) to (19). The paper leaves open what happens before the first touch and on
-    withdrawal; here the ground only moves while the tip is behind the entry face, and only forward.
+    withdrawal; here the bottom moves only while the tip is behind the entry face, and only forward.
     """
 
     z_E: Real = parameter(default=2.0, unit="1", min=1.0, doc="Number of cutting edges")
@@ -25,8 +25,8 @@ class DrillDepthCalculation(Component):
     def equations(self) -> Equations:
         yield self.f == self.z_E * self.f_z
         yield self.v_tar == self.f * self.n
-        # An event although the rate is continuous: with a prescribed feed nothing else changes, and a solver with large
-        # steps in the air would step over the whole contact.
+        # An event although the rate is continuous: with a prescribed feed nothing else changes, and a solver taking
+        # large steps before the contact could step over all of it.
         yield der(self.s_tar) == where(self.s > 0, self.v_tar, 0.0)
 
     def initial_equations(self) -> Equations:

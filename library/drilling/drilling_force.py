@@ -27,8 +27,8 @@ from acausal.library.drilling.interfaces import PartialDrillingForce
 class DrillingForce(PartialDrillingForce):
     """Compliant drilling force between a drill and a plate that both move freely under their forces.
 
-    DrillGeometry -> DrillDepthCalculation -> DrillContactForce, as Figure 3 of the founding paper. It has one hole,
-    wherever the drill enters (AC194).
+    DrillGeometry -> DrillDepthCalculation -> DrillContactForce, as in Figure 3 of the founding paper. There is a single
+    hole, wherever the drill enters (AC194).
     """
 
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
@@ -45,7 +45,7 @@ class DrillingForce(PartialDrillingForce):
     force: DrillContactForce = part()
 
     v_tar: Real = signal_output(unit="m/s", nominal=1e-3, doc="Target feed rate")
-    s_tar: Real = signal_output(unit="m", nominal=1e-3, doc="Target depth: the ground of the hole")
+    s_tar: Real = signal_output(unit="m", nominal=1e-3, doc="Target depth: the bottom of the hole")
     thrust: Real = signal_output(unit="N", nominal=1e3, doc="Feed force and indentation force, along the axis")
     power_cutting: Real = signal_output(unit="W", nominal=100.0, doc="Power of the cut, with the indentation")
     power_damping: Real = signal_output(unit="W", doc="Power lost in the compliance of the contact")
@@ -81,13 +81,13 @@ class DrillingForce(PartialDrillingForce):
         yield self.v_tar == depth.v_tar
         yield self.s_tar == depth.s_tar
         yield from self.powers()
-        # a larger initial force than that of a cut of 1 mm per edge would eject the drill from the plate
+        # An initial force larger than that of a cut of 1 mm per edge would eject the drill from the plate.
         pressed = self.k * (self.s - self.s_start)
         blunt = self.feed_force_factor * self.z_E / 2 * self.d * self.corrected_k_c11() * force.h_1
         outside = (self.s - self.s_start < self.d / 100) | (pressed < blunt)
         yield assert_(
             ~initial() | no_event(outside),
-            f"the drill starts inside of {self.level.name}: move it back, or give it a hole with s_start",
+            f"the drill starts inside {self.level.name}: move it back, or give it a hole with s_start",
         )
         if not self.wanders:
             yield from self._keeps_to_its_hole()
@@ -96,12 +96,12 @@ class DrillingForce(PartialDrillingForce):
         geometry = self.geometry
         aside = der(geometry.tip) - geometry.axis * self.v_axial
         free = no_event((self.s < 0) & (self.s_tar > self.s_start + self.d / 100))
-        # At the way aside and not at the next hole: that would take states for the place of the first. One relation,
-        # so that nothing is left of it where a drill cannot go aside.
+        # Raised when the drill moves sideways rather than when it enters again, which would take states for the
+        # position of the first hole. It is a single relation, so that it vanishes where a drill cannot move sideways.
         yield assert_(
             where(free, dot(aside, aside), quantity(0.0, "m2/s2")) < _ASIDE**2,
-            f"AC194: the drill is moved sideways above its hole in {self.level.name}, and this force has one hole "
-            "only, wherever the drill enters: elsewhere there is no force down to the ground of the first; a DrillBody "
+            f"AC194: the drill is moved sideways above its hole in {self.level.name}, but this force has only one "
+            "hole, wherever the drill enters: elsewhere there is no force down to the depth of the first; a DrillBody "
             "of a ContactScene makes new holes",
             level="warning",
         )
@@ -109,8 +109,8 @@ class DrillingForce(PartialDrillingForce):
     def powers(self) -> Equations:
         """Distribution of the power thrust * v_axial + braking * omega supplied through the two frames.
 
-        The spring of the contact, between the tip and the ground of the hole, cannot pull: the energy stored in it is
-        lost if the tip leaves the ground too fast for a contact force.
+        The spring of the contact, between the tip and the bottom of the hole, cannot pull: the energy stored in it is
+        lost if the tip leaves the bottom too fast for a contact force.
         """
         geometry, force = self.geometry, self.force
         deflection = maximum(self.s - self.s_tar, 0.0)
@@ -118,10 +118,10 @@ class DrillingForce(PartialDrillingForce):
         yield self.thrust == force.F_N
         yield self.energy == self.k / 2 * deflection**2
         yield self.power_damping == (self.thrust - self.k * deflection) * (geometry.v - v_ground)
-        # the depth of a tilted tip also changes when it slides along the face
+        # The depth of a tilted tip also changes when it slides along the face.
         along = self.thrust * (v_ground + self.v_axial - geometry.v)
         yield self.power_cutting == along + force.braking() * geometry.omega
 
 
 _ASIDE = quantity(5e-3, "m/s")
-"""Velocity across the axis from which on a drill is moved to another place; below, it may swing on a soft machine."""
+"""Velocity across the axis above which a drill counts as moved elsewhere; below, it may swing on a soft machine."""

@@ -12,13 +12,12 @@ from acausal.library.translational import Flange as TranslationalFlange
 class Spindle(Component):
     """Spindle: its inertia and a motor that holds a speed within its limits of torque and power.
 
-    Goes between nothing and a rotational flange (`Revolute.axis`); it reacts on the ground. A PI controller with
-    anti-windup: the integral follows what the limit leaves of the output. Under a cutting torque that is greater
-    than the limit the spindle slows down and stalls; the feed per revolution is that of the actual speed, since the
-    drilling force measures it at its frames.
+    It drives a rotational flange (`Revolute.axis`) and reacts on the ground. The PI controller has anti-windup: the
+    integral follows the limited output. If the cutting torque exceeds the limit, the spindle slows down and stalls; the
+    feed per revolution is that of the actual speed, since the drilling force measures it at its frames.
 
     Source: K. J. Åström, T. Hägglund, PID Controllers, 1995, section 3.5 (back-calculation); torque constant up to a
-    corner speed and power constant above it, as spindle makers state it.
+    corner speed and power constant above it, as specified by spindle manufacturers.
     """
 
     flange: RotationalFlange = RotationalFlange()
@@ -31,11 +30,11 @@ class Spindle(Component):
         default=lambda self: 4 / self.bandwidth, unit="s", min=0.0, doc="Time constant of the integral part"
     )
 
-    w_ref: Real = signal_input(unit="rad/s", doc="Wanted angular velocity")
+    w_ref: Real = signal_input(unit="rad/s", doc="Set point of the angular velocity")
     phi: Real = variable(unit="rad", prefer_state=True, doc="Angle")
     w: Real = variable(unit="rad/s", prefer_state=True, doc="Angular velocity")
     integral: Real = variable(unit="rad/s", doc="Integral part of the controller, as a speed")
-    wanted: Real = variable(unit="N.m", doc="Torque that the controller asks for")
+    wanted: Real = variable(unit="N.m", doc="Torque demanded by the controller, before the limits")
     tau: Real = signal_output(unit="N.m", nominal=10.0, doc="Torque of the motor")
     power: Real = signal_output(unit="W", nominal=100.0, doc="Power of the motor into the spindle")
     energy: Real = signal_output(unit="J", doc="Kinetic energy of the inertia J")
@@ -59,9 +58,8 @@ class Spindle(Component):
 class FeedDrive(Component):
     """Feed axis: its mass and a drive that holds a feed rate within its limit of force.
 
-    Goes between nothing and a translational flange (`Prismatic.axis`); it reacts on the ground. The controller is
-    that of `Spindle`. `m` is the inertia of motor and screw seen along the feed: 1e-3 kg.m2 behind a screw with 10 mm
-    lead are 400 kg.
+    It drives a translational flange (`Prismatic.axis`) and reacts on the ground. The controller is that of `Spindle`.
+    `m` is the inertia of motor and screw as an equivalent mass: 1e-3 kg.m2 on a screw with 10 mm lead are 400 kg.
     """
 
     flange: TranslationalFlange = TranslationalFlange()
@@ -73,11 +71,11 @@ class FeedDrive(Component):
         default=lambda self: 4 / self.bandwidth, unit="s", min=0.0, doc="Time constant of the integral part"
     )
 
-    v_ref: Real = signal_input(unit="m/s", doc="Wanted feed rate")
+    v_ref: Real = signal_input(unit="m/s", doc="Set point of the feed rate")
     s: Real = variable(unit="m", prefer_state=True, doc="Position")
     v: Real = variable(unit="m/s", prefer_state=True, doc="Feed rate")
     integral: Real = variable(unit="m/s", doc="Integral part of the controller, as a feed rate")
-    wanted: Real = variable(unit="N", doc="Force that the controller asks for")
+    wanted: Real = variable(unit="N", doc="Force demanded by the controller, before the limit")
     f: Real = signal_output(unit="N", nominal=1e3, doc="Force of the drive")
     power: Real = signal_output(unit="W", nominal=1.0, doc="Power of the drive into the feed axis")
     energy: Real = signal_output(unit="J", doc="Kinetic energy of the mass m")
@@ -98,9 +96,9 @@ class FeedDrive(Component):
 
 
 class FeedCap(Component):
-    """Feed governor: a brake that acts only above a feed rate, like the hydraulic check unit of a drilling press.
+    """Feed governor: a brake that acts only above a feed rate, like the hydraulic check unit of a drill press.
 
-    The force grows with slope `d` beyond `v_max`, in the direction of the feed only; withdrawing is free.
+    The force grows with slope `d` beyond `v_max`, in the direction of the feed only; withdrawal is free.
     """
 
     flange: TranslationalFlange = TranslationalFlange()

@@ -6,7 +6,7 @@ from acausal import Component, Equations, Real, der, signal_input, signal_output
 
 
 class EnergyBalance(Component):
-    """Work of the sources, less the work of cutting, friction and damping and the stored energy.
+    """Work of the sources, minus the work of cutting, friction and damping and the stored energy.
 
     A scene binds sums of its powers and energies to the inputs: `EnergyBalance(P_source=self.spindle.power +
     self.feed.power, P_cutting=self.drill.power_cutting, ...)`. In a consistent model `residual` is the
@@ -21,16 +21,16 @@ class EnergyBalance(Component):
     P_friction: Real = signal_input(unit="W", default=0.0, doc="Power lost by friction")
     P_damping: Real = signal_input(unit="W", default=0.0, doc="Power lost in dampers and compliances")
     P_compliant: Real = signal_input(unit="W", default=0.0, doc="Power into compliances that lose a part of it")
-    E_compliant: Real = signal_input(unit="J", default=0.0, doc="Energy stored in these, which is a part of E too")
-    E: Real = signal_input(unit="J", default=0.0, doc="Energy of all that moves and all springs")
+    E_compliant: Real = signal_input(unit="J", default=0.0, doc="Energy stored in these, also contained in E")
+    E: Real = signal_input(unit="J", default=0.0, doc="Kinetic and potential energy of the scene")
 
     W_source: Real = signal_output(unit="J", doc="Work of the sources")
     W_cutting: Real = signal_output(unit="J", doc="Work of the cut")
     W_friction: Real = signal_output(unit="J", doc="Work lost by friction")
     W_damping: Real = signal_output(unit="J", doc="Work lost by damping")
-    W_given: Real = variable(unit="J", doc="Work lost by damping, and what compliances store")
+    W_given: Real = variable(unit="J", doc="Work lost by damping, and energy stored in compliances")
     E_start: Real = variable(unit="J", doc="Energy at the start")
-    residual: Real = signal_output(unit="J", doc="Work of the sources without a place: 0 but for integration errors")
+    residual: Real = signal_output(unit="J", doc="Unaccounted work of the sources: 0 except for integration errors")
 
     def equations(self) -> Equations:
         yield der(self.W_source) == self.P_source

@@ -34,10 +34,10 @@ from acausal.library.multibody.frames import Frame
 class FlankContact(Component):
     """Lateral contact: the wall of the hole resists a drill that leaves its axis, sideways or by tilting.
 
-    The hole is where the drill enters: its axis follows that of the drill as long as the tip is free, and stays while
-    the tip is behind the surface. The engaged length of the flank rests on two springs, at its lower end and at the
-    entry, so that a tilt is felt too. Each pushes when its point is further from the axis than the clearance:
-    F = k L/2 (e - clearance) (1 + a der(e)), not below zero.
+    The hole is where the drill enters: its axis follows that of the drill as long as the tip is free, and is fixed
+    while the tip is behind the surface. The engaged length of the flank is supported by two springs, at its lower end
+    and at the entry, so that a tilt is resisted too. Each acts when its point is farther from the axis than the
+    clearance: F = k L/2 (e - clearance) (1 + a der(e)), at least zero.
 
     Beyond the founding paper, which allows no lateral force.
     """
@@ -48,9 +48,9 @@ class FlankContact(Component):
     d: Real = parameter(unit="m", min=0.0, doc="Diameter of the drill")
     sigma: Real = parameter(unit="rad", min=0.0, max=math.pi, doc="Point angle of the drill")
     k: Real = parameter(default=0.0, unit="Pa", min=0.0, doc="Stiffness of the wall per engaged length")
-    a: Real = parameter(default=50.0, unit="s/m", min=0.0, doc="Damping force per rate over the elastic force")
+    a: Real = parameter(default=50.0, unit="s/m", min=0.0, doc="Damping force divided by rate and elastic force")
     clearance: Real = parameter(default=2e-5, unit="m", min=0.0, doc="Play between flank and wall, on one side")
-    T: Real = parameter(default=1e-3, unit="s", min=0.0, doc="Time in which the axis of the hole follows a free drill")
+    T: Real = parameter(default=1e-3, unit="s", min=0.0, doc="Time constant with which the hole follows a free drill")
 
     s: Real = signal_input(unit="m", doc="Depth of the tip behind the entry face, along the axis")
     s_exit: Real = signal_input(unit="m", doc="Depth of the tip behind the exit face, along the axis")
@@ -59,7 +59,7 @@ class FlankContact(Component):
 
     place: Real = variable(unit="m", shape=3, nominal=1e-2, doc="A point of the axis of the hole, in frame_w")
     direction: Real = variable(unit="1", shape=3, doc="Direction of the axis of the hole, in frame_w")
-    engaged: Real = signal_output(unit="m", nominal=1e-2, doc="Length of the flank that is in the hole")
+    engaged: Real = signal_output(unit="m", nominal=1e-2, doc="Length of the flank in the hole")
     force: Real = signal_output(unit="N", shape=3, doc="Force of the wall on the drill, in frame_w")
     energy: Real = signal_output(unit="J", doc="Energy stored in the wall")
     power_damping: Real = signal_output(unit="W", doc="Power lost in the wall")
@@ -104,7 +104,7 @@ class FlankContact(Component):
 
 
 _TINY = 1e-9
-"""Rounds the distance from the axis [m], so that it has a derivative on the axis."""
+"""Smooths the distance from the axis [m], so that it is differentiable on the axis."""
 
 
 class GuidedDrillingForce(FullDrillingForce):

@@ -1,4 +1,4 @@
-"""Compliant contact between the drill and the ground of the hole: the dynamic drilling force."""
+"""Compliant contact between the drill and the bottom of the hole: the dynamic drilling force."""
 
 from __future__ import annotations
 
@@ -24,23 +24,25 @@ from acausal.library.drilling.cutting import PartialCuttingForce
 class DrillContactForce(PartialCuttingForce):
     """Spring and damper in series with the cut: the contact force determines the feed.
 
-    The ground of the hole recedes with the target feed rate `v_tar = z_E n f_z`. Two forms of the contact force:
+    The bottom of the hole recedes with the target feed rate `v_tar = z_E n f_z`. There are two forms of the contact
+    force:
 
     - Equation (20), the default: k (s - s_tar) + d_c (v - v_tar). All its terms grow with the feed along curves that
       bend to one side, so that the compiler solves it for the feed inside the equations (`f_z` is declared
-      `monotone_above=0.0`): an ordinary differential equation is left over.
-    - Equation (21), `as_printed=True`: k (s - s_tar) + d_c v. It breaks when a rotating drill first touches: the feed
+      `monotone_above=0.0`), which leaves an ordinary differential equation.
+    - Equation (21), `as_printed=True`: k (s - s_tar) + d_c v. It fails when a rotating drill first touches: the feed
       rate grows without bound as the engaged width vanishes.
 
     Source: founding paper, equations (11) and (16) to (21).
 
     Beyond the paper, with `chisel=True`: the middle of the chisel edge hardly moves along its cutting direction and
     is pressed in like a punch, with the pressure `p_indent` on the engaged part of a circle of diameter `d_indent`.
-    That thrust is there at any feed, so that the whole thrust does not vanish with the feed as Kienzle's law does. The
+    This force acts at any feed, so that the total thrust does not vanish with the feed, as by Kienzle's law alone. The
     pressure of a punch is (2 + pi)/sqrt(3) to 3 times the yield stress (L. Prandtl, Nachr. Ges. Wiss. Goettingen
-    (1920) 74-85; D. Tabor, The Hardness of Metals, 1951, chapter IV). The circle is what is indented and not cut, much
-    smaller than the web: W. A. Mauch, L. K. Lauderbaugh, Modeling the drilling processes - an analytical model to
-    predict thrust force and torque, ASME Winter Annual Meeting 1990; fit it to a measured thrust at vanishing feed.
+    (1920) 74-85; D. Tabor, The Hardness of Metals, 1951, chapter IV). The circle covers what is indented rather than
+    cut and is much smaller than the web: W. A. Mauch, L. K. Lauderbaugh, Modeling the drilling processes - an
+    analytical model to predict thrust force and torque, ASME Winter Annual Meeting 1990. Fit it to a measured thrust at
+    vanishing feed.
     """
 
     as_printed: bool = structural(default=False, doc="Equation (21) instead of (20)")
@@ -48,7 +50,7 @@ class DrillContactForce(PartialCuttingForce):
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     w_min: Real = parameter(
-        default=1e-9, unit="m", min=1e-18, doc="Engaged width below which the force has not grown to its full value yet"
+        default=1e-9, unit="m", min=1e-18, doc="Engaged width below which the force is less than its full value"
     )
     p_indent: Real = parameter(default=0.0, unit="Pa", min=0.0, doc="Pressure below the indenting chisel edge")
     d_indent: Real = parameter(default=0.0, unit="m", min=0.0, doc="Diameter of the part that is indented")
@@ -77,10 +79,10 @@ class DrillContactForce(PartialCuttingForce):
     def equations(self) -> Equations:
         engaged = self.d_O - self.d_I
         v_tar = self.z_E * self.n * self.f_z  # (17), (18)
-        # Located at the ground of the hole: the ground rests below a drill that is drawn back, and a solver whose steps
-        # have grown meanwhile would step over the next contact. Without pressing there is no feed, and v_tar is 0, too.
+        # The contact with the bottom is located as an event: the bottom stays while a drill is drawn back, and a solver
+        # whose steps have grown meanwhile would step over the next contact. Without pressure, feed and v_tar are 0.
         closing = self.k * (self.s - self.s_tar) + self.d_c * self.v
-        pressing = maximum(where(closing > 0, closing, 0.0), 0.0)  # not negative on the way to the event, either
+        pressing = maximum(where(closing > 0, closing, 0.0), 0.0)  # not negative just before the event, either
         contact = where(engaged > 0, pressing, 0.0) if self.as_printed else pressing - self.d_c * v_tar  # (21), (20)
         yield self.line_force == self.feed_force_factor * self.z_E / 2 * self.k_c * self.f_z  # (6) to (10)
         yield self.line_force * maximum(engaged, self.w_min) + self.F_i == contact

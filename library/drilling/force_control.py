@@ -1,4 +1,4 @@
-"""Force-controlled feed: approach, hold the thrust, notice the breakthrough, retract."""
+"""Force-controlled feed: approach, hold the thrust, detect the breakthrough, retract."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def feed_rate_under(
     n
         Rotational speed [1/s].
     factor
-        Thrust over cutting force [1]; sin(sigma) as the paper prints it, unless given.
+        Ratio of thrust to cutting force [1]; sin(sigma), as printed in the paper, by default.
     """
     ratio = math.sin(tool.sigma) if factor is None else factor
     share = unitless(thrust) / (ratio * tool.z_E / 2 * tool.d * material.k_c11 * 1e-3)
@@ -55,19 +55,19 @@ def feed_rate_under(
 
 
 class ForceControl(Component):
-    """Controller of the thrust: its output is the set point of the feed rate, its inputs are thrust and position.
+    """Thrust controller: its output is the set point of the feed rate, its inputs are thrust and position.
 
     - `APPROACH` at `v_approach` until the thrust exceeds `F_touch`;
-    - `DRILLING`: a PI controller holds the thrust at `F_set`, the feed rate is not above `v_max` (the feed cap);
-    - `EXIT`: the thrust has been up to 90 % of `F_set` and has fallen below the part `breakthrough` of it although
-      the feed is at its cap: the tip is through. It goes on at `v_exit` until the full diameter is through, `overrun`
-      beyond. If the thrust comes back meanwhile there is another plate, and it is `DRILLING` again;
+    - `DRILLING`: a PI controller holds the thrust at `F_set`; the feed rate is limited to `v_max` (the feed cap);
+    - `EXIT`: the thrust has reached 90 % of `F_set` and fallen below the fraction `breakthrough` of it although the
+      feed is at its cap: the tip is through. The feed continues at `v_exit` until the full diameter is through,
+      `overrun` beyond. If the thrust returns meanwhile, there is another plate, and the phase is `DRILLING` again;
     - `RETRACT` at `v_retract` to the position at the start, then `DONE`.
 
-    The proportional gain is small and the integral part does the work: the thrust of a cut answers a change of the
-    feed rate at once, like a damper, so that the integral alone makes a first-order loop. The thrust grows with the
-    feed rate to the power 1 - z, hence dF/dv = (1 - z) F / v with 1 - z about 0.8; the gain goes with v, so that the
-    loop has the same `bandwidth` from the entry of the tip to its exit.
+    The proportional gain is small and the integral part dominates: the thrust of a cut responds to a change of the feed
+    rate at once, like a damper, so that the integral alone makes a first-order loop. The thrust grows with the feed
+    rate to the power 1 - z, hence dF/dv = (1 - z) F / v with 1 - z about 0.8; the gain is proportional to v, so that
+    the loop has the same `bandwidth` from the entry of the tip to its exit.
 
     Source: K. J. Åström, T. Hägglund, PID Controllers, 1995; phases as in robot drilling, for example T. Olsson et al.,
     Cost-efficient drilling using industrial robots with high-bandwidth force feedback, Robotics and
@@ -75,12 +75,12 @@ class ForceControl(Component):
     """
 
     F_set: Real = parameter(unit="N", min=0.0, nominal=1e3, doc="Set point of the thrust")
-    v_nominal: Real = parameter(unit="m/s", min=0.0, doc="Feed rate to be expected at full diameter under F_set")
+    v_nominal: Real = parameter(unit="m/s", min=0.0, doc="Expected feed rate at full diameter under F_set")
     bandwidth: Real = parameter(default=2 * math.pi * 8.0, unit="rad/s", min=0.0, doc="Bandwidth of the force loop")
     T_filter: Real = parameter(default=5e-3, unit="s", min=0.0, doc="Time constant of the filter of the thrust")
     F_touch: Real = parameter(default=20.0, unit="N", min=0.0, doc="Thrust above which the drill touches the workpiece")
     breakthrough: Real = parameter(
-        default=0.5, unit="1", min=0.0, max=1.0, doc="Part of F_set below which the tip is through"
+        default=0.5, unit="1", min=0.0, max=1.0, doc="Fraction of F_set below which the tip is through"
     )
     v_approach: Real = parameter(default=5e-3, unit="m/s", min=0.0, doc="Feed rate before the touch")
     v_max: Real = parameter(default=lambda self: 4 * self.v_nominal, unit="m/s", min=0.0, doc="Feed cap")
@@ -104,10 +104,10 @@ class ForceControl(Component):
 
     def equations(self) -> Equations:
         yield der(self.F_filtered) == (self.F - self.F_filtered) / self.T_filter
-        yield assert_(self.v_nominal > 0, "a feed rate v_nominal of 0: a drill that does not turn takes no thrust")
-        yield assert_(self.F_set > self.F_touch, "the thrust F_set is not above F_touch: contact would not be noticed")
+        yield assert_(self.v_nominal > 0, "the feed rate v_nominal is 0: a drill that does not turn cannot cut")
+        yield assert_(self.F_set > self.F_touch, "the thrust F_set is not above F_touch: contact is not detected")
         # Change of feed rate per newton, 1 / (dF/dv), which varies by a factor of ten while the cone enters. It is
-        # limited at the cap, because a gain that grew with the integral would defeat the anti-windup.
+        # limited at the cap, because a gain that grows with the integral would defeat the anti-windup.
         per_force = clamp(self.v_integral, self.v_nominal / 4, self.v_max) / (0.8 * self.F_set)
         error = self.F_set - self.F_filtered
         wanted = self.v_integral + 0.1 * per_force * error

@@ -1,8 +1,8 @@
 """Friction of the drill apart from cutting: margins on the wall of the hole, and lateral motion of the tip.
 
-Both are regularised Coulomb friction, mu N v / sqrt(v**2 + v_0**2) against the vector v of the sliding velocity: exact
-in direction, and at rest a stiff damper instead of stiction (J. Wojewoda et al., Phil. Trans. R. Soc. A 366 (2008)
-747-765, compare such laws).
+Both use regularised Coulomb friction, mu N v / sqrt(v**2 + v_0**2) against the vector v of the sliding velocity: exact
+in direction, with a stiff damper instead of stiction at rest (such laws are compared by J. Wojewoda et al., Phil.
+Trans. R. Soc. A 366 (2008) 747-765).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from acausal.library.multibody.orientation import Vector, unit_vector
 
 
 class PartialFriction(Component):
-    """Place and motion of a drill against a plate, from DrillGeometry."""
+    """Position and motion of a drill relative to a plate, from DrillGeometry."""
 
     frame_a: Frame = Frame()
     frame_w: Frame = Frame()
@@ -44,7 +44,7 @@ class PartialFriction(Component):
     tip: Real = signal_input(unit="m", shape=3, doc="Tip, seen from frame_w and resolved there")
     axis: Real = signal_input(unit="1", shape=3, doc="Drill axis towards the tip, resolved in frame_w")
     omega: Real = signal_input(
-        unit="rad/s", doc="Angular velocity of the drill against the plate, about the drill axis"
+        unit="rad/s", doc="Angular velocity of the drill relative to the plate, about the drill axis"
     )
     power: Real = signal_output(unit="W", doc="Power lost by this friction")
 
@@ -60,13 +60,13 @@ def inside(depth: Expr, beyond: Expr) -> Expr:
 class MarginFriction(PartialFriction):
     """Friction of the margins on the wall of the hole, along the axis and around it.
 
-    The wall springs back onto the margins with the force `line_load` per length of margin in the hole, all margins
-    together. Its friction has the direction of the helix on which the margins slide: nearly all of it is torque while
-    the drill turns, all of it is thrust where it stands or is pulled out without turning. `length` is how far up the
-    drill the margins touch: the back taper of a drill ends the contact further up.
+    The wall springs back onto the margins with the force `line_load` per length of margin in the hole, for all margins
+    together. The friction has the direction of the helix on which the margins slide: nearly all of it is torque while
+    the drill turns, and all of it is thrust when the drill is pulled out without turning. `length` is the length of
+    drill along which the margins touch: because of the back taper, the contact ends farther up.
 
     Source: M. C. Shaw, C. J. Oxford, On the drilling of metals, Trans. ASME 79 (1957) 139-148, on the friction of the
-    margins as the share of the torque that grows with the depth of the hole. The line load is a value to be measured.
+    margins as the part of the torque that grows with the depth of the hole. The line load must be measured.
     """
 
     d: Real = parameter(unit="m", min=0.0, doc="Diameter of the drill")
@@ -83,7 +83,7 @@ class MarginFriction(PartialFriction):
     torque: Real = signal_output(unit="N.m", nominal=1.0, doc="Torque on the drill, against its rotation")
 
     def equations(self) -> Equations:
-        # from the corner, where the cone ends, to the upper end of the margins, limited to the workpiece
+        # From the corner, where the cone ends, to the upper end of the margins, limited to the workpiece.
         cone = self.d / (2 * tan(self.sigma / 2))
         yield self.engaged == inside(self.s - cone, self.s_exit - cone) - inside(
             self.s - cone - self.length, self.s_exit - cone - self.length
@@ -106,18 +106,18 @@ class MarginFriction(PartialFriction):
 class TipFriction(PartialFriction):
     """Friction against motion of the tip across the drill axis, under the thrust.
 
-    A drill at rest sticks where it is pressed on; a turning one gives way much more easily, as its edges slide around
-    the axis already: the sliding velocity contains omega r at the middle radius r of the engaged edges. The torque of
-    the edges is that of the cut and not repeated here.
+    A drill that does not turn sticks where it is pressed on; a turning one yields much more easily, since its edges
+    already slide around the axis: the sliding velocity contains omega r at the mean radius r of the engaged edges. The
+    torque of the edges is that of the cut and not repeated here.
 
     Source: P. Contensou, Couplage entre frottement de glissement et frottement de pivotement dans la théorie de la
-    toupie, in: Kreiselprobleme, IUTAM Symposium Celerina 1962, Springer (1963) 201-216, in the simplest form: all
-    of the contact on one radius, averaged over a turn.
+    toupie, in: Kreiselprobleme, IUTAM Symposium Celerina 1962, Springer (1963) 201-216, in the simplest form: the
+    whole contact at one radius, averaged over a turn.
     """
 
     length: Real = parameter(default=0.0, unit="m", doc="Distance from frame_a to the tip along the axis")
     thrust: Real = signal_input(unit="N", doc="Force between drill and plate along the axis")
-    radius: Real = signal_input(unit="m", doc="Middle radius of the engaged edges")
+    radius: Real = signal_input(unit="m", doc="Mean radius of the engaged edges")
     F: Real = signal_output(unit="N", shape=3, nominal=100.0, doc="Force on the plate, resolved in frame_w")
 
     def equations(self) -> Equations:

@@ -10,9 +10,9 @@ from acausal.library.drilling.friction import MarginFriction, TipFriction
 class FullDrillingForce(DrillingForce):
     """DrillingForce with friction of the margins in the hole and of the tip across the axis.
 
-    It has the frames and the variables of DrillingForce. Each addition is off until its coefficients are given;
-    `chisel=True` adds the indentation of the chisel edge. `total_thrust` [N] and `total_torque` [N.m] are what a force
-    sensor behind the drill measures.
+    It has the frames and the variables of DrillingForce. Each addition is inactive until its coefficients are given;
+    `chisel=True` adds the indentation of the chisel edge. `total_thrust` [N] and `total_torque` [N.m] are the values
+    that a force sensor behind the drill measures.
     """
 
     mu_margin: Real = parameter(default=0.0, unit="1", min=0.0, doc="Coefficient of friction of the margins")

@@ -1,6 +1,6 @@
-"""Relative position of drill and workpiece: depth, engaged diameters, rotation. Purely geometric, no force.
+"""Relative position of drill and workpiece: depth, engaged diameters, rotation. Purely geometric, without forces.
 
-Two levels of detail have the same connectors: the analytic plate here, any convex body in `geometry_convex.py`.
+Two levels of detail share their connectors: the analytic plate here, and any convex body in `geometry_convex.py`.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class PartialDrillGeometry(Component):
     """Depth of the drill in a workpiece, and the diameters between which it cuts.
 
     `frame_a` is fixed to the drill, its axis points from the shank to the tip; `frame_w` is fixed to the workpiece.
-    Both may move and turn in any way. A subclass says how deep the tip is, and how fast it gets deeper.
+    Both may move and turn in any way. Subclasses define the depth of the tip and its rate.
 
-    The depth `s` is measured along the drill axis, not along the normal of the face: the force law needs the first,
-    while a penetration depth in the sense of collision detection is the second. A tip beside the workpiece is not in
-    contact, however deep it is: `s` is then not positive. The diameters are those of a flat face across the axis. A
-    run in which width or area of the cut differ from them by more than 5 % notes it (AC191): where an edge, a ridge, a
-    slope or a curved face lies within the cut, and where the axis is beside the workpiece and the cone meets it.
+    The depth `s` is measured along the drill axis, as the force law requires, not along the normal of the face, as a
+    penetration depth in collision detection. A tip beside the workpiece is not in contact, however deep it is: `s` is
+    then not positive. The diameters are those of a flat face perpendicular to the axis. If the width or the area of the
+    real cut deviates from theirs by more than 5 %, the run has a note (AC191): when an edge, a ridge, a slope or a
+    curved face lies within the cut, and when the axis misses the workpiece but the cone meets it.
 
     Source: founding paper, section 2 and Figure 3; the paper computes the same quantities by collision detection.
     """
@@ -60,11 +60,11 @@ class PartialDrillGeometry(Component):
     axis: Real = signal_output(unit="1", shape=3, doc="Drill axis towards the tip, resolved in frame_w")
     s: Real = signal_output(unit="m", doc="Depth of the tip behind the entry face, along the drill axis")
     s_exit: Real = signal_output(unit="m", doc="Depth of the tip behind the exit face, along the drill axis")
-    v: Real = signal_output(unit="m/s", doc="Rate of the depth s, in front of the workpiece and in it")
+    v: Real = signal_output(unit="m/s", doc="Rate of the depth s, in front of and inside the workpiece")
     d_O: Real = signal_output(unit="m", doc="Outer diameter of the engaged part of the edges")
     d_I: Real = signal_output(unit="m", doc="Inner diameter of the engaged part of the edges")
     omega: Real = signal_output(
-        unit="rad/s", doc="Angular velocity of the drill against the workpiece, about the drill axis"
+        unit="rad/s", doc="Angular velocity of the drill relative to the workpiece, about the drill axis"
     )
     n: Real = signal_output(unit="1/s", doc="Rotational speed, without sign")
 
@@ -75,7 +75,7 @@ class PartialDrillGeometry(Component):
         a, w = self.frame_a, self.frame_w
         yield self.axis == w.R.T @ (a.R @ self._e)
         yield self.tip == w.R.T @ (a.r_0 - w.r_0) + self.axis * self.length
-        # one clamp covers free, entering, inside, leaving and through; kinks at s in {0, h_c, t, t + h_c}
+        # One clamp covers free, entering, inside, leaving and through; kinks at s in {0, h_c, t, t + h_c}.
         slope = tan(self.sigma / 2)
         h_c = self.d / (2 * slope)
         yield self.d_O == 2 * slope * clamp(self.s, 0.0, h_c)
@@ -91,17 +91,17 @@ class PartialDrillGeometry(Component):
 
     @property
     def engagement(self) -> tuple[Expr, Expr, Expr, Expr]:
-        """What the force model takes the cut for: depths behind entry and exit, diameter [m], slope of the cone."""
+        """The cut as assumed by the force model: depths behind entry and exit, diameter [m], slope of the cone."""
         return self.s, self.s_exit, self.d, tan(self.sigma / 2)
 
     def full_circle(self, room: Expr, body: str) -> Equations:
-        """Note AC191 unless `room` is positive: if the cut is not the ring that the force model takes it for."""
+        """Note AC191 unless `room` is positive, i.e. if the cut is not the ring that the force model assumes."""
         yield assert_(
             room > 0,
-            f"AC191: in {body} the cut of the drill is no full ring: an edge, a ridge, a slope or a curved face lies "
-            "within it, and its width or area differs by more than 5 % from that of a flat face across the axis, of "
-            "which the force is; with the axis beside the body there is none. Enter flat faces, upright, a radius of "
-            "the drill away from their edges, and move sideways only above them",
+            f"AC191: in {body} the cut of the drill is not a full ring: an edge, a ridge, a slope or a curved face "
+            "lies within it, and its width or area differs by more than 5 % from that of a flat face across the axis, "
+            "which the force assumes; if the axis misses the body, there is no force. Enter flat faces at a right "
+            "angle, a radius of the drill away from their edges, and move sideways only above them",
             level="warning",
         )
 
@@ -116,20 +116,20 @@ class DrillGeometry(PartialDrillGeometry):
         default=math.radians(60.0),
         doc="Angle between drill axis and face normal [rad] beyond which there is no contact",
     )
-    body: str = structural(default="the plate", doc="How messages call the plate")
+    body: str = structural(default="the plate", doc="Name of the plate in messages")
     t: Real = parameter(unit="m", min=0.0, doc="Thickness of the plate")
     width: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along x of frame_w")
     height: Real = parameter(default=0.1, unit="m", min=0.0, doc="Extent of the plate along y of frame_w")
 
     def equations(self) -> Equations:
-        # a constant lower limit avoids a division by zero for a perpendicular drill
+        # The constant lower limit avoids a division by zero if the drill is parallel to the plate.
         cos_min = math.cos(self.max_tilt)
         cos_tilt = maximum(self.axis[2], cos_min)
         depth = self.tip[2] / cos_tilt
-        # Without `fabs`, whose kinks lie where most drills are: in the middle, where rounding decides about them.
+        # Avoids `fabs`, whose kinks lie in the middle, where most drills are and rounding errors would decide.
         x, y, a, b = self.tip[0], self.tip[1], self.width / 2, self.height / 2
         beside = (x > a) | (-x > a) | (y > b) | (-y > b) | (self.axis[2] < cos_min)
-        # no contact starts beside the plate, so s stays below zero there
+        # No contact starts beside the plate, so s stays below zero there.
         in_front = where(no_event(depth < 0), depth, 0.0)
         yield self.s == where(no_event(beside), in_front, depth)
         yield self.s_exit == self.s - self.t / cos_tilt

@@ -64,22 +64,23 @@ class ConvexLevel:
 class ConvexDrillGeometry(PartialDrillGeometry):
     """Level 1: a convex workpiece of any shape, entered and left through any of its faces.
 
-    Collision detection by MPR is in the equations: it decides whether the axis of the drill meets the workpiece, and
-    finds the faces through which it enters and leaves. Depth and diameters are those of the tip behind these faces,
-    along the axis; a penetration depth in the sense of collision detection, along the shortest way out, would turn
-    round past the middle of the workpiece. Hence MPR's ray is the axis, which leaves no choice of a way out
-    (`library/contact/collide/axis/crossing.py`). Drilling begins when the tip passes the surface; a drill whose axis
-    misses the workpiece is beside it: there `s` is the smaller of the depth and of minus the distance
-    from the workpiece.
+    Collision detection by MPR is part of the equations: it decides whether the axis of the drill meets the workpiece,
+    and finds the faces through which it enters and leaves. Depth and diameters are those of the tip behind these faces,
+    along the axis; the usual penetration depth, along the shortest way out, would change its direction past the middle
+    of the workpiece. Hence MPR's ray is the axis, which makes the faces unique
+    (`library/contact/collide/axis/crossing.py`). Drilling begins when the tip passes the surface; if the axis of the
+    drill misses the workpiece, `s` is the smaller of the depth and minus the distance from the workpiece.
 
     With a box of thickness t at `pose` (0, 0, t/2) it agrees with the analytic plate.
     """
 
     workpiece: Shape = structural(doc="Shape of the workpiece")
-    pose: Pose = structural(default=((0.0, 0.0, 0.0), IDENTITY), doc="Place [m] and rotation of the shape in frame_w")
-    body: str = structural(default="the workpiece", doc="How errors call the workpiece")
+    pose: Pose = structural(
+        default=((0.0, 0.0, 0.0), IDENTITY), doc="Position [m] and rotation of the shape in frame_w"
+    )
+    body: str = structural(default="the workpiece", doc="Name of the workpiece in errors")
 
-    overlap: Real = signal_output(unit="m", doc="How far the tip is behind the face, along `normal`")
+    overlap: Real = signal_output(unit="m", doc="Depth of the tip behind the face, along `normal`")
     normal: Real = signal_output(unit="1", shape=3, doc="Normal of the face entered, into the workpiece, in frame_w")
 
     def build(self) -> None:
@@ -91,12 +92,12 @@ class ConvexDrillGeometry(PartialDrillGeometry):
         r, R = quantity(self.pose[0], "m"), as_expr(self.pose[1])
         tip, axis = R.T @ (self.tip - r), R.T @ self.axis
         depth, beyond, beside, outward = crossing(self.workpiece)(tip, axis)
-        # no contact starts beside the workpiece, so the depth stays away from zero there
+        # No contact starts beside the workpiece, so the depth stays away from zero there.
         missed = no_event(beside > 0.5)
         yield self.s == where(missed, minimum(depth, -edge_distance(self.workpiece)(tip, axis)), depth)
         yield self.s_exit == minimum(beyond, self.s)
         yield self.normal == -(R @ outward)
-        # velocity at the witness point, which equals the derivative of the search and is cheaper
+        # Velocity at the witness point, which equals the derivative of the search result and is cheaper.
         along = dot(self.normal, self.axis)
         yield self.v == dot(self.normal, der(self.tip) - der(self.axis) * self.s) / maximum(along, _STEEP)
         yield self.overlap == self.s * along

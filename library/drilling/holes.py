@@ -1,4 +1,4 @@
-"""Holes that drills leave in one workpiece, and whether they overlap."""
+"""Holes that drills leave in one workpiece, and checks for overlaps."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from acausal.library.multibody.orientation import across
 
 Array = NDArray[np.float64]
 _ROUNDING = 1e-9
-"""How far [m] before a face an entry may lie."""
+"""Distance [m] by which an entry may lie in front of a face."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """A hole with the cone at its ground, in the axes of the workpiece; lengths in m."""
+    """A hole with a conical bottom, in the axes of the workpiece; lengths in m."""
 
     drill: str
     tool: Tool
@@ -26,10 +26,10 @@ class Hole:
     axis: Array
     depth: float
     inside: float
-    """How much of the depth is in the workpiece: a drill that is through goes on."""
+    """The part of the depth inside the workpiece, beyond which a drill may continue."""
 
     def overlaps(self, other: Hole) -> bool:
-        """Whether the two have a point in common, as far as points of their walls and axes tell."""
+        """Whether the two holes overlap, judged by sample points on their walls and axes."""
         between = float(np.linalg.norm(self._middle - other._middle))
         if between > self._reach + other._reach:
             return False
@@ -45,7 +45,7 @@ class Hole:
 
     @property
     def _reach(self) -> float:
-        """Distance [m] from the middle within which all of it lies."""
+        """Radius [m] of a ball around the middle that contains the hole."""
         return (self.inside + self.tool.d) / 2
 
     def _radius(self, along: Array) -> Array:
@@ -70,6 +70,6 @@ class Hole:
 
 
 def named(one: Hole, other: Hole) -> str:
-    """What messages call two holes."""
+    """Description of two holes in messages."""
     same = one.drill == other.drill
     return f"two holes of {one.drill}" if same else f"holes of {one.drill} and {other.drill}"

@@ -1,4 +1,4 @@
-"""Partial component of the kinematic and of the dynamic drilling force."""
+"""Partial component of the kinematic and the dynamic drilling force."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ from acausal.library.multibody.orientation import Vector
 
 
 class PartialDrillingForce(Component):
-    """Force between a drill and one plate; a subclass makes the force block.
+    """Force between a drill and one plate; subclasses add the force block.
 
     `frame_a` belongs to the body of the drill, `frame_w` to the entry face of the workpiece (`Workpiece.frame_b`).
-    The dimensions of the plate are bound to those of the workpiece. Tool and material are records that give the
-    defaults; every number can be set by itself.
+    The dimensions of the plate are bound to those of the workpiece. Tool and material are records that provide
+    defaults; every number can also be set individually.
 
-    With a `ConvexLevel` the workpiece is any convex body, and `frame_w` is its own frame.
+    With a `ConvexLevel` the workpiece is any convex body, and `frame_w` is its frame.
     """
 
     frame_a: Frame = Frame()
@@ -84,7 +84,9 @@ class PartialDrillingForce(Component):
     F_c: Real = signal_output(unit="N", nominal=1e3, doc="Cutting force")
     F_f: Real = signal_output(unit="N", nominal=1e3, doc="Feed force: on the drill along its axis, against the feed")
     torque: Real = signal_output(unit="N.m", nominal=10.0, doc="Cutting torque, without sign")
-    v_axial: Real = signal_output(unit="m/s", nominal=1e-3, doc="Velocity of the tip against the plate, along the axis")
+    v_axial: Real = signal_output(
+        unit="m/s", nominal=1e-3, doc="Velocity of the tip relative to the plate, along the axis"
+    )
 
     def build(self) -> None:
         level = self.level
@@ -127,7 +129,7 @@ class PartialDrillingForce(Component):
         """The constant of Kienzle's law with the corrections for rake angle, wear and cutting speed [Pa].
 
         The factors multiply each other and the specific cutting force: O. Kienzle, H. Victor, VDI-Z 94 (1952)
-        299-305. See `corrections.py` for how large they are.
+        299-305. See `corrections.py` for their values.
         """
         return self.k_c11 * self.K_rake * self.K_wear * self.K_speed
 
@@ -159,9 +161,9 @@ class PartialDrillingForce(Component):
             "the literature sin(sigma/2)",
             level="warning",
         )
-        # the position of the tip is resolved in frame_w, so its derivative is the velocity relative to the plate
+        # The position of the tip is resolved in frame_w, so its derivative is the velocity relative to the plate.
         yield self.v_axial == dot(geometry.axis, der(geometry.tip))
 
 
 _FEEBLE = 0.2
-"""Share of the feed force below which it hardly holds a drill: point angles above 168 degrees."""
+"""Ratio of feed force to cutting force below which a drill is hardly held: point angles above 168 degrees."""

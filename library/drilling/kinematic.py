@@ -1,4 +1,4 @@
-"""The kinematic drilling force: feed rate and rotation are given, the forces follow."""
+"""The kinematic drilling force: feed rate and rotation are prescribed, the forces follow."""
 
 from __future__ import annotations
 
@@ -23,14 +23,17 @@ class KinematicCuttingForce(PartialCuttingForce):
 class KinematicDrillingForce(PartialDrillingForce):
     """Drilling force of a prescribed motion: DrillGeometry -> KinematicCuttingForce.
 
-    It measures feed rate and rotation at its frames, so whatever moves these prescribes them; the forces act on both
-    frames and appear as reactions in the drives. Nothing is kept of the hole: a drill that is drawn back and comes in
-    again cuts once more what is gone, which the run notes (AC193). `DrillingForce` knows the ground of the hole.
+    Feed rate and rotation are measured at its frames, so they are prescribed by the drives of these; the forces act on
+    both frames and appear as reactions in the drives. The hole is not remembered: a drill that is drawn back and enters
+    again cuts material that has already been removed, which the run notes (AC193). `DrillingForce` keeps the depth of
+    the hole.
     """
 
     force: KinematicCuttingForce = part()
 
-    power_cutting: Real = signal_output(unit="W", nominal=100.0, doc="Power of the cut: all that the two frames give")
+    power_cutting: Real = signal_output(
+        unit="W", nominal=100.0, doc="Power of the cut: all power supplied by the two frames"
+    )
 
     def build(self) -> None:
         super().build()
@@ -51,14 +54,14 @@ class KinematicDrillingForce(PartialDrillingForce):
             self.power_cutting
             == self.force.thrust_on_axis() * self.v_axial + self.force.braking() * self.geometry.omega
         )
-        # At the retreat and not at the return: that would take a state, and events of every drill.
+        # Raised at the retreat rather than at the return, which would take a state, and events for every drill.
         yield assert_(
             (self.geometry.s <= 0) | (self.geometry.v >= -_STILL),
-            f"AC193: the drill is drawn back in {self.level.name}, and a kinematic force keeps nothing of the hole: if "
-            "it comes in again, it cuts once more what is gone; use DrillingForce for pecks",
+            f"AC193: the drill is drawn back in {self.level.name}, but a kinematic force does not remember the hole: "
+            "if it enters again, it cuts material that is already gone; use DrillingForce for pecking",
             level="warning",
         )
 
 
 _STILL = quantity(1e-9, "m/s")
-"""Velocity below which the feed stands still but for rounding."""
+"""Velocity below which the feed counts as standing still."""

@@ -18,31 +18,30 @@ _NAMES = {
     "source": ("source", "reference"),
 }
 _LEAST, _MOST = 1e6, 1e11
-"""Specific cutting forces [Pa] between which everything lies that is cut; metals have 350 to 6000 N/mm2."""
+"""Plausible range of specific cutting forces [Pa]; metals have 350 to 6000 N/mm2."""
 
 _EXAMPLE = "name, k_c11 [N/mm2], z, source"
 
 
 def load_materials(path: str | os.PathLike[str]) -> dict[str, Material]:
-    """Materials of a `.csv` or `.toml` file, by name.
+    """Read the materials of a `.csv` or `.toml` file, by name.
 
-    The columns of a CSV file are `name`, `k_c11`, `z` and `source`, in any order; the unit of k_c11 stands in the
+    The columns of a CSV file are `name`, `k_c11`, `z` and `source`, in any order; the unit of k_c11 is given in the
     first line, `k_c11 [N/mm2]`, or in each cell, `2240 N/mm2`. With `;` between the cells, numbers may have decimal
-    commas. A TOML file has one table per material with the same keys, and k_c11 is a text with its unit:
+    commas. A TOML file has one table per material with the same keys, and k_c11 is a string with its unit:
 
         [34CrMo4]
         k_c11 = "2240 N/mm2"
         z = 0.21
         source = "..."
 
-    A specific cutting force of unknown origin is worth nothing, so every material needs its source, and a number
-    without a unit is not guessed at.
+    A specific cutting force of unknown origin is worthless, so every material needs a source; units are never guessed.
 
     Raises
     ------
     UsageError
-        AC070 the file cannot be read; AC071 a column is missing or unknown; AC072 a value cannot be read, has another
-        dimension or is out of range; AC073 no source; AC074 no unit; AC075 a name twice. All but the first name file,
+        AC070 the file cannot be read; AC071 a column is missing or unknown; AC072 a value cannot be read, has the wrong
+        dimension or is out of range; AC073 no source; AC074 no unit; AC075 duplicate name. All but AC070 state file,
         line and column.
     """
     file = Path(path)
@@ -57,7 +56,7 @@ def load_materials(path: str | os.PathLike[str]) -> dict[str, Material]:
             raise _error(
                 "AC075",
                 cell,
-                f"'{material.name}' is there twice",
+                f"'{material.name}' occurs twice",
                 evidence=f"first at {first[material.name].place}",
                 help="give the two materials different names, for example with their heat treatment",
             )
@@ -75,7 +74,7 @@ def _material(row: Row) -> tuple[Material, Cell]:
         if known is None:
             close = nearest(title, [name for names in _NAMES.values() for name in names], 1)
             guess = f"; did you mean '{close[0]}'?" if close else ""
-            raise _error("AC071", cell, f"'{title}' is no column of a table of materials{guess}", help=_EXAMPLE)
+            raise _error("AC071", cell, f"'{title}' is not a column of a table of materials{guess}", help=_EXAMPLE)
         cells[known] = (cell, unit)
     for key in _NAMES:
         if key not in cells and key != "source":

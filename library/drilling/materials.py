@@ -12,11 +12,11 @@ class Material:
     Parameters
     ----------
     k_c11
-        Specific cutting force at a chip 1 mm thick and 1 mm wide [Pa].
+        Specific cutting force of a chip 1 mm thick and 1 mm wide [Pa].
     z
         Exponent of the chip thickness [1].
     source
-        Publication the numbers are taken from.
+        Publication from which the numbers are taken.
     """
 
     name: str
@@ -31,7 +31,7 @@ STEEL_34CRMO4 = Material(
     z=0.21,
     source="A Drilling Force Model for Use in Multibody System Simulation Environments, example of section 3.1",
 )
-"""Quenched and tempered steel of the paper's examples. Others are added only with a source each."""
+"""Quenched and tempered steel of the paper's examples. Others are added only with a source."""
 
 STEEL_C45 = Material(
     name="C45",

@@ -1,4 +1,4 @@
-"""Drills and workpieces as bodies of a contact scene, with the assignment of drills to holes."""
+"""Drills and workpieces as bodies of a contact scene, and the assignment of drills to holes."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class WorkpieceBody(ContactBody):
     material: Material = STEEL_34CRMO4
 
     def remarks(self, traces: Sequence[Trace]) -> list[str]:
-        """Notes AC192 of the holes that overlap, of whatever drills and from whatever sides."""
+        """Notes AC192 about overlapping holes, of any drills and from any sides."""
         return [
             f"AC192: {named(one, other)} in {self.name} overlap, {1e3 * one.apart(other):.3g} mm apart: each is cut as "
             "if the other were full of material"
@@ -50,7 +50,7 @@ class WorkpieceBody(ContactBody):
         ]
 
     def _hole(self, trace: Trace) -> Hole:
-        assert isinstance(trace.maker, DrillBody), "nothing else leaves traces on a workpiece"
+        assert isinstance(trace.maker, DrillBody), "only drills leave traces on a workpiece"
         entry, axis = trace.place
         first, last, _ = _crossed(self, entry, axis)
         return Hole(trace.maker.name, trace.maker.tool, entry, axis, trace.size, min(trace.size, first - last))
@@ -58,11 +58,11 @@ class WorkpieceBody(ContactBody):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DrillBody(ContactBody):
-    """A drill: it cuts into every `WorkpieceBody`, and touches other bodies as a surface.
+    """A drill: it cuts into every `WorkpieceBody`, and has surface contact with other bodies.
 
     A hole belongs to a drill and a line through a workpiece, and keeps its depth when the drill returns to it. More
-    than a quarter of the diameter beside it, or in another direction, a new hole starts: from behind, as well.
-    Overlapping holes, of one drill or of two, are independent of each other (AC192).
+    than a quarter of the diameter beside it, or in another direction, including the opposite one, a new hole starts.
+    Overlapping holes, of one drill or of two, do not affect each other (AC192).
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ class DrillBody(ContactBody):
     length
         Length of the part of the drill that can touch other bodies [m].
     k, d_c
-        Stiffness [N/m] and damping [N.s/m] of the contact with the ground of the hole.
+        Stiffness [N/m] and damping [N.s/m] of the contact with the bottom of the hole.
     settings
-        Further parameters of `FullDrillingForce` and, with a `k_wall` among them, of `GuidedDrillingForce`, as pairs of
+        Further parameters of `FullDrillingForce` or, if `k_wall` is among them, of `GuidedDrillingForce`, as pairs of
         name and value.
     wanders
-        False for a drill that drills one hole only.
+        False for a drill that drills only one hole.
     """
 
     tool: Tool = TWIST_DRILL_16MM
@@ -136,7 +136,7 @@ class DrillBody(ContactBody):
     def site(
         self, other: ContactBody, own: PoseValue, others: PoseValue, known: Sequence[Array], current: int, marked: bool
     ) -> tuple[list[Array], int]:
-        """(Holes in the axes of the workpiece, as point of entry [m] and direction; number of the current one)."""
+        """Holes in the axes of the workpiece, as point of entry [m] and direction; number of the current one."""
         if not isinstance(other, WorkpieceBody):
             return super().site(other, own, others, known, current, marked)
         r, R = others[0] + others[1] @ np.array(other.pose[0]), others[1] @ np.array(other.pose[1])
@@ -152,7 +152,7 @@ class DrillBody(ContactBody):
         if off and min(off) < self.tool.d / 4:
             return holes, int(np.argmin(off))
         if holes and not marked:
-            holes[current] = here  # nothing was cut there, so it is not a hole
+            holes[current] = here  # nothing has been cut at the old position, so it is not a hole
             return holes, current
         return [*holes, here], len(holes)
 
@@ -164,4 +164,4 @@ def _crossed(workpiece: ContactBody, point: Array, axis: Array) -> tuple[float, 
 
 
 _ALONG = math.cos(0.1)
-"""Cosine of the angle between two axes from which on they are not those of one hole."""
+"""Cosine of the angle between two axes beyond which they belong to different holes."""

@@ -1,4 +1,4 @@
-"""Reader of CSV and TOML tables that keeps the position of each cell for error messages."""
+"""Reader for CSV and TOML tables that keeps the position of each cell for error messages."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from acausal.errors import Span, UsageError
 
 @dataclass(frozen=True)
 class Cell:
-    """Text of a value with its position: `line` counts from 1, `column` from 0."""
+    """Text of a value and its position: `line` counts from 1, `column` from 0."""
 
     text: str
     file: str
@@ -33,7 +33,7 @@ class Cell:
 
 
 Row = dict[str, Cell]
-"""Cells by the name of their column or key, with the row itself (its start) under the empty name."""
+"""Cells by the name of their column or key; the empty name holds the start of the row."""
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -42,7 +42,7 @@ def read_rows(path: Path) -> list[Row]:
     Raises
     ------
     UsageError
-        AC070 when the file cannot be read or is no table.
+        AC070 if the file cannot be read or is not a table.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -64,7 +64,7 @@ def read_rows(path: Path) -> list[Row]:
 
 
 def _csv(text: str, file: str) -> Iterator[Row]:
-    """Rows below the first line, whose cells name the columns; `#` begins a comment, `;` separates where it is used."""
+    """Rows below the header line; `#` begins a comment, and `;` is the separator if the header contains it."""
     header: list[Cell] = []
     separator = ","
     for number, line in enumerate(text.splitlines(), 1):
@@ -78,16 +78,16 @@ def _csv(text: str, file: str) -> Iterator[Row]:
         if len(cells) != len(header):
             raise UsageError(
                 "AC070",
-                f"{cells[-1].place}: the row has {len(cells)} cells, the first line names {len(header)} columns",
+                f"{cells[-1].place}: the row has {len(cells)} cells, but the first line names {len(header)} columns",
                 where=(cells[-1].span,),
                 evidence=[f"columns: {', '.join(c.text for c in header)}"],
-                help=f'a cell that contains "{separator}" is written in quotation marks',
+                help=f'put a cell that contains "{separator}" in quotation marks',
             )
         row = {name.text: cell for name, cell in zip(header, cells, strict=True)}
         row[""] = Cell(line.strip(), file, number, 0)
         yield row
     if not header:
-        raise UsageError("AC070", f"{file} is empty", help="the first line names the columns")
+        raise UsageError("AC070", f"{file} is empty", help="name the columns in the first line")
 
 
 def _split(line: str, separator: str, file: str, number: int) -> list[Cell]:
@@ -110,7 +110,7 @@ def _split(line: str, separator: str, file: str, number: int) -> list[Cell]:
 
 
 def _toml(text: str, file: str) -> Iterator[Row]:
-    """Every table of the file that holds values: `[[material]]` with a `name`, or one table per name, `[C45]`."""
+    """All tables of the file that hold values: `[[material]]` with a `name`, or one table per name, `[C45]`."""
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -120,7 +120,7 @@ def _toml(text: str, file: str) -> Iterator[Row]:
         raise UsageError("AC070", f"{place}: {str(error).split(' (at')[0]}", where=where) from error
     places = list(_places(text))
     for header, values in _tables(content, ()):
-        # A table that is written inside of a line has no header of its own: its place is then the file.
+        # An inline table has no header of its own; its position is then the file.
         k = next((k for k, place in enumerate(places) if place[0] == header), None)
         line, keys = (1, dict[str, tuple[int, int]]()) if k is None else places.pop(k)[1:]
         row = {

@@ -19,7 +19,7 @@ class Tool:
     z_E
         Number of cutting edges [1].
     source
-        Publication the numbers are taken from.
+        Publication from which the numbers are taken.
     """
 
     name: str

@@ -7,11 +7,11 @@ from acausal.library.multibody.parts import FixedRotation
 
 
 class Workpiece(FixedRotation):
-    """Massless plate, fixed to the connection of `frame_a`: the world, a table, a moving body.
+    """Massless plate, fixed to whatever `frame_a` is connected to: the world, a table, a moving body.
 
     `frame_b` is the entry face: its origin is the centre of the face, at `r` in frame_a; its z axis points into the
-    plate, turned by `R_rel` against frame_a; `width` and `height` extend along its x and y axes. A plate with mass
-    is this one with a body at frame_a.
+    plate, rotated by `R_rel` relative to frame_a; `width` and `height` extend along its x and y axes. For a plate with
+    mass, connect a body to frame_a.
     """
 
     t: Real = parameter(unit="m", min=1e-6, doc="Thickness, from the entry face along z of frame_b")

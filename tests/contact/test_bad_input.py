@@ -48,7 +48,7 @@ CASES: tuple[tuple[Callable[[], object], str, str], ...] = (
     (lambda: ConvexHull(other("abc")), "AC174", "shape .n, 3., not of 'abc'"),
     (lambda: scene("a box"), "AC174", "the shape of lid is 'a box'"),
     (lambda: penetration(Sphere(0.1), other(None)), "AC174", "the second body"),
-    (lambda: scene(Box((1, 1, 1)), pose=((0, 0, 0), np.diag([1, 2, 1]))), "AC179", "the pose of lid turns"),
+    (lambda: scene(Box((1, 1, 1)), pose=((0, 0, 0), np.diag([1, 2, 1]))), "AC179", "the pose of lid has a matrix"),
     (lambda: scene(Box((1, 1, 1)), pose=(0, 0, 0)), "AC179", "the pose of lid is"),
     (lambda: ContactScene(bodies=other(None)), "AC179", "bodies of the scene are None"),
     (lambda: ContactScene(bodies=other((Box((1, 1, 1)),))), "AC179", "are Box"),

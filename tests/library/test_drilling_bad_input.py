@@ -45,7 +45,7 @@ def test_a_drill_that_starts_inside_of_the_material_is_refused_with_its_name(val
         acausal.simulate(ThickBlock(), parameters=values)
     error = caught.value
     assert error.code == "AC503"
-    assert "the drill starts inside of workpiece" in error.fact
+    assert "the drill starts inside workpiece" in error.fact
     assert "an assertion of the model in drill does not hold" in error.evidence
 
 

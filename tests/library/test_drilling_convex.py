@@ -213,6 +213,6 @@ def test_bad_workpieces_are_refused_by_name() -> None:
 
 def test_a_drill_that_starts_inside_is_refused() -> None:
     """Also where the pairs are found during the run: 3 mm of steel are not pressed aside."""
-    with pytest.raises(EventError, match="the drill starts inside of plate0") as caught:
+    with pytest.raises(EventError, match="the drill starts inside plate0") as caught:
         acausal.simulate(HolesSideBySide(n=2, out=3e-3))
     assert "drill" in str(caught.value)

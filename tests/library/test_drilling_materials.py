@@ -67,7 +67,7 @@ BAD = [
     ("AC073", "name,k_c11,z,source\nC45,2220 N/mm2,0.14,\n", "'C45' has no source", (2, 21)),
     ("AC073", "name,k_c11,z\nC45,2220 N/mm2,0.14\n", "'C45' has no source", (2, 1)),
     ("AC074", f"name,k_c11,z,source\nC45,2220,0.14,{SOURCE}\n", "2220 has no unit", (2, 5)),
-    ("AC075", f"name,k_c11,z,source\n{GOOD}\n{GOOD}", "'C45' is there twice", (4, 1)),
+    ("AC075", f"name,k_c11,z,source\n{GOOD}\n{GOOD}", "'C45' occurs twice", (4, 1)),
     ("AC070", f"name,k_c11,z,source\nC45,2220 N/mm2,{SOURCE}\n", "the row has 3 cells", (2, 16)),
 ]
 

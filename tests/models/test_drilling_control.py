@@ -167,9 +167,9 @@ def test_surge_at_breakthrough_with_and_without_a_feed_cap() -> None:
 @pytest.mark.parametrize(
     ("values", "code", "fact"),
     [
-        ({"n": 0.0}, "AC139", "a drill that does not turn takes no thrust"),
+        ({"n": 0.0}, "AC139", "a drill that does not turn cannot cut"),
         ({"F_set": 10.0}, "AC139", "the thrust F_set is not above F_touch"),
-        ({"gap": -3e-3}, "AC503", r"the drill starts inside of plates\[0\]"),
+        ({"gap": -3e-3}, "AC503", r"the drill starts inside plates\[0\]"),
     ],
 )
 def test_what_cannot_be_controlled_is_refused(values: dict[str, float], code: str, fact: str) -> None:
