@@ -54,11 +54,11 @@ class BooleanPulse(PartialBooleanSource):
     start_time: Real = parameter(default=0.0, unit="s", doc="Beginning of the first pulse")
 
     def equations(self) -> Equations:
-        # one clock for each edge, so that both are exact; the rising edge has priority if they coincide (width = 1)
+        # One clock for each edge, so that both are exact; the rising edge has priority if they coincide (width = 1).
         begin = sample(self.start_time, self.period)
         end = sample(self.start_time + self.width * self.period, self.period)
         clause = when(begin, reset(self.y, no_event(self.width > 0.0))).elsewhen(end, reset(self.y, False))
-        # initial value, because a run may start within a pulse
+        # Sets the initial value, because a run may start within a pulse.
         since = (time - self.start_time) / self.period
         within = (since >= 0.0) & (since - floor(since) < self.width)
         yield clause.elsewhen(initial(), reset(self.y, no_event(within)))
@@ -78,7 +78,7 @@ class BooleanTable(PartialBooleanSource):
     """Boolean signal that begins with `start_value` and changes at each time of `table`."""
 
     table: tuple[float, ...] = structural(doc="Times [s] at which the output changes, increasing")
-    start_value: bool = structural(default=False, doc="Output before the first of them")
+    start_value: bool = structural(default=False, doc="Output before the first change")
 
     def build(self) -> None:
         if any(b <= a for a, b in zip(self.table, self.table[1:], strict=False)):

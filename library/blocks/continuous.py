@@ -39,7 +39,7 @@ class Der(PartialSISO):
 
 
 class Derivative(PartialSISO):
-    """Approximate derivative k*s/(T*s + 1): a derivative behind a first-order lag."""
+    """Approximate derivative k*s/(T*s + 1): a derivative with a first-order lag."""
 
     k: Real = parameter(default=1.0, doc="Gain")
     T: Real = parameter(default=0.01, unit="s", min=1e-60, doc="Time constant of the lag")
@@ -88,7 +88,7 @@ class PI(PartialSISO):
 class LimPID(Component):
     """P, PI, PD or PID controller with limited output, anti-windup compensation and set-point weighting.
 
-    `y = limit(k*(wp*u_s - u_m + I + D))`. The integrator is fed back with the part that the limit cuts off:
+    `y = limit(k*(wp*u_s - u_m + I + D))`. The part cut off by the limit is fed back to the integrator:
     `der(I) = (u_s - u_m + (y - y_unlimited)/(k*Ni))/Ti`. Source: Modelica.Blocks.Continuous.LimPID, after
     Åström and Hägglund, PID Controllers, 1995.
     """
@@ -108,8 +108,8 @@ class LimPID(Component):
     Ni: Real = parameter(default=0.9, unit="1", min=1e-60, doc="Ni*Ti is the time constant of the anti-windup feedback")
     Nd: Real = parameter(default=10.0, unit="1", min=1e-60, doc="The higher, the more ideal the derivative part")
     y_unlimited: Real = variable(doc="Controller output before the limit")
-    I: Real = variable(doc="Integral part over k")  # noqa: E741
-    D: Real = variable(doc="Derivative part over k")
+    I: Real = variable(doc="Integral part divided by k")  # noqa: E741
+    D: Real = variable(doc="Derivative part divided by k")
     x_D: Real = variable(doc="Lagged input of the derivative part")
 
     def equations(self) -> Equations:

@@ -9,7 +9,7 @@ from acausal.library.blocks.interfaces import PartialSISO
 
 
 class FixedDelay(PartialSISO):
-    """The input delayed by `delay_time`; before that, its value at the start."""
+    """The input delayed by `delay_time`; until then, its initial value."""
 
     delay_time: Real = parameter(unit="s", min=0.0, doc="Delay of the output behind the input")
 
@@ -34,7 +34,7 @@ class PadeStage(Component):
 
 
 class PadeDelay(PartialSISO):
-    """Rational approximation of a delay: a transfer function, for uses that refuse a true delay.
+    """Rational approximation of a delay: a transfer function, for uses that do not support a true delay.
 
     With order n of the denominator and m of the numerator it is exact to the order n + m in frequency times delay. It
     starts at rest. With m = n it has a direct feedthrough.
@@ -72,7 +72,7 @@ class PadeDelay(PartialSISO):
 
 
 def _coefficient(k: int, own: int, other: int) -> float:
-    """Coefficient of (s T)^k in the polynomial of order `own`, if the other polynomial has the order `other`."""
+    """Coefficient of (s T)^k in the polynomial of order `own`, where the other polynomial has the order `other`."""
     return factorial(own + other - k) * factorial(own) / (factorial(own + other) * factorial(k) * factorial(own - k))
 
 

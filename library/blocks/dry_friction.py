@@ -48,7 +48,7 @@ class Surfaces(NamedTuple):
 
 
 def checked_friction(points: Points) -> None:
-    """Refuse what is no table (AC160), and one by which friction would drive (AC130): it is below zero somewhere."""
+    """Raise AC160 for an invalid table, and AC130 for one with negative friction, which would drive the motion."""
     known = checked_points(points)
     (x0, y0), (x1, y1) = known[0], known[min(1, len(known) - 1)]
     at_rest = y0 - x0 * (y1 - y0) / (x1 - x0) if len(known) > 1 else y0
@@ -57,8 +57,8 @@ def checked_friction(points: Points) -> None:
         raise DeclarationError(
             "AC130",
             f"friction over speed comes to {least:.6g}",
-            cause="friction below zero drives what it should brake",
-            help="give values that are not negative, over speeds from 0 on; the sign of the motion is taken care of",
+            cause="negative friction drives the motion instead of braking it",
+            help="give values of at least 0 for speeds from 0 on; the direction of motion is accounted for",
         )
 
 
@@ -72,7 +72,7 @@ def reach(points: Iterable[tuple[float, float]], low: float = 0.0, high: float =
 
 
 def within(speed: Expr, end: float, is_idle: Expr | bool = False) -> Equations:
-    """The demand that a table of losses is not left so far that the line through its last points would drive."""
+    """Assert that a table of losses is not extrapolated so far that the line through its last points drives."""
     if isfinite(end):
         speed = unitless(speed)
         text = f"beyond {end:.6g} (SI) the line through the last points of the table of friction or losses gives power"
@@ -90,7 +90,7 @@ class DryFriction(Component):
     FREE: ClassVar[int] = 2
     UNKNOWN: ClassVar[int] = 3
 
-    free: Real = boolean(doc="The element is not active")
+    free: Real = boolean(doc="The element is inactive")
     sa: Real = variable(unit="1", doc="Path: a force or torque while stuck, else an acceleration, all in SI units")
     startForward: Real = boolean(doc="The speed is zero, and sliding forward begins")
     startBackward: Real = boolean(doc="The speed is zero, and sliding backward begins")
@@ -113,12 +113,12 @@ class DryFriction(Component):
         on, sa = self.surfaces(), unitless(self.sa)  # a force and an acceleration
         forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
         ahead, behind = self.may_move()
-        # Guards that are irrelevant in a mode get constant arguments: otherwise rounding of the speed of a stuck
+        # Guards that are irrelevant in a mode get constant arguments: otherwise rounding errors in the speed of a stuck
         # element, or the path parameter of a sliding one, would trigger events.
         path = where(stuck, sa, 0.0)
-        # Of what begins to slide, the path is beyond `most` while it accelerates, and at it while others hold it. The
-        # friction of sliding at speed zero is no bound for it, as in Modelica: an element with a peak would go on to
-        # drag backward what the others move forward.
+        # When an element begins to slide, its path parameter exceeds `most` while it accelerates, and equals it while
+        # other elements hold it. The friction of sliding at zero speed is not used as the bound, unlike in Modelica: an
+        # element with a peak would then keep dragging backward what the others move forward.
         breaks_forward, breaks_backward = path > on.most, path < -on.most
         positive = where(forward | idle | self.startForward | initial(), on.speed, -on.small) > 0.0
         negative = where(backward | idle | self.startBackward | initial(), on.speed, on.small) < 0.0
@@ -131,7 +131,7 @@ class DryFriction(Component):
         yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
         slides_forward = self.startForward | ~self.startBackward & forward
         shifted = where(slides_forward, sa - unitless(on.most), sa + unitless(on.most))
-        # zero while locked; the infinitesimal part makes the load shared by several elements on one shaft unique
+        # Zero while locked; the infinitesimal part makes the load shared by several elements on one shaft unique.
         yield on.acceleration == where(self.locked, infinitesimal() * sa, where(self.free, sa, shifted))
         yield self.mode == where(
             self.free,
@@ -149,7 +149,7 @@ class DryFriction(Component):
         return where(backward, -magnitude, magnitude)
 
     def within(self, points: Points) -> Equations:
-        """The demand that what slides is no faster than its table tells, whose last line goes on as in Modelica."""
+        """Assert that sliding is not so fast that the table, extrapolated linearly as in Modelica, becomes invalid."""
         yield from within(self.surfaces().speed, reach(points), self.free)
 
     def characteristic(self, points: Points) -> Expr:

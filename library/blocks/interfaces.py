@@ -1,4 +1,4 @@
-"""Partial blocks: the signals every source, one-input and two-input block has."""
+"""Partial blocks: the signals of all sources, one-input and two-input blocks."""
 
 from __future__ import annotations
 

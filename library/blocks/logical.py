@@ -190,7 +190,7 @@ class Switch(Component):
     u1: Real = signal_input(doc="Input while u2 is true")
     u2: Real = boolean_input(doc="Chooses")
     u3: Real = signal_input(doc="Input while u2 is false")
-    y: Real = signal_output(doc="The chosen input")
+    y: Real = signal_output(doc="The selected input")
 
     def equations(self) -> Equations:
         yield self.y == where(self.u2, self.u1, self.u3)
@@ -214,10 +214,10 @@ class Hysteresis(Component):
 class OnOffController(Component):
     """Two-point controller: true while the signal is below the reference, with a hysteresis of width `bandwidth`."""
 
-    reference: Real = signal_input(doc="What `u` is to be")
+    reference: Real = signal_input(doc="Set point of `u`")
     u: Real = signal_input(doc="Measured signal")
     y: Real = boolean_output(doc="On")
-    bandwidth: Real = parameter(doc="Width of the band around the reference in which the output stays as it is")
+    bandwidth: Real = parameter(doc="Width of the band around the reference in which the output does not change")
     pre_y_start: bool = structural(default=False, doc="Output before the start")
 
     def equations(self) -> Equations:

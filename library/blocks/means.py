@@ -34,13 +34,13 @@ class Mean(Component):
     f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
     x: Real = variable(default=fixed(0.0), prefer_state=True, doc="Integral since the period began")
     held: Real = discrete(doc="Mean over the last period")
-    since: Real = discrete(unit="s", doc="When the integral began")
+    since: Real = discrete(unit="s", doc="Time at which the integral began")
 
     def equations(self) -> Equations:
         yield der(self.x) == self.u
         yield self.y == self.held
         period = 1.0 / self.f
-        # not a clock: its ticks would begin at zero, and a run may begin at any time, before zero too
+        # Not a clock, whose ticks would begin at zero: a run may begin at any time, also before zero.
         yield when(
             time >= pre(self.since) + period,
             reset(self.held, self.f * pre(self.x)),
@@ -55,7 +55,7 @@ class RectifiedMean(Component):
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Rectified mean over the last period")
     f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
-    mean: Mean = part(doc="Of the size of the input")
+    mean: Mean = part(doc="Mean of the absolute value of the input")
 
     def build(self) -> None:
         self.mean = Mean(f=self.f, u=fabs(self.u))
@@ -70,7 +70,7 @@ class RootMeanSquare(Component):
     u: Real = signal_input(doc="Input signal")
     y: Real = signal_output(doc="Root mean square over the last period")
     f: Real = parameter(unit="Hz", min=1e-60, doc="Base frequency")
-    mean: Mean = part(doc="Of the square of the input")
+    mean: Mean = part(doc="Mean of the square of the input")
 
     def build(self) -> None:
         self.mean = Mean(f=self.f, u=self.u * self.u)

@@ -35,7 +35,7 @@ _MODULUS = 2147483647.0
 class PartialNoise(PartialDiscrete):
     """A new random number at each tick; equal seeds give equal signals."""
 
-    seed: int = structural(default=1, doc="Whole number that chooses the signal")
+    seed: int = structural(default=1, doc="Whole number that selects the signal")
     y: Real = signal_output(doc="The number drawn last")
     state: Real = discrete(default=lambda self: _first_state(self.seed), doc="State of the generator")
     held: Real = discrete(doc="The number drawn last")

@@ -18,7 +18,7 @@ class Limiter(PartialSISO):
 
 
 class DeadZone(PartialSISO):
-    """Zero for inputs from `u_min` to `u_max`; outside of them, the input minus the limit that it has passed."""
+    """Zero for inputs from `u_min` to `u_max`; outside, the input minus the limit that it has passed."""
 
     u_max: Real = parameter(default=1.0, doc="Upper end of the dead zone")
     u_min: Real = parameter(default=lambda self: -self.u_max, doc="Lower end of the dead zone")

@@ -1,4 +1,4 @@
-"""Sampled blocks, which act at the ticks of a clock only. Names as in Modelica.Blocks.Discrete.
+"""Sampled blocks, which act only at the ticks of a clock. Names as in Modelica.Blocks.Discrete.
 
 The outputs are held between the ticks `start_time + k*sample_period`, which are time events, located exactly.
 """

@@ -55,16 +55,16 @@ class Sine(PartialSignalSource):
 
 
 class Pulse(PartialSignalSource):
-    """Rectangular pulses: `nperiod` of them, or without end when it is negative. Edges are exact time events."""
+    """Rectangular pulses: `nperiod` of them, or infinitely many if it is negative. Edges are exact time events."""
 
     amplitude: Real = parameter(default=1.0, doc="Height of the pulses")
     width: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Pulse length as a fraction of the period")
     period: Real = parameter(unit="s", min=1e-60, doc="Time of one period")
-    nperiod: int = structural(default=-1, doc="Number of periods; negative for a row without end")
-    clocks: list[BooleanPulse] = part(doc="Edges of an endless row")
+    nperiod: int = structural(default=-1, doc="Number of periods; negative for infinitely many")
+    clocks: list[BooleanPulse] = part(doc="Edges of an infinite sequence")
 
     def build(self) -> None:
-        # a finite number of edges needs no clock, and hence no discrete variables
+        # A finite number of edges needs no clock, and hence no discrete variables.
         endless = BooleanPulse(width=self.width, period=self.period, start_time=self.start_time)
         self.clocks = [endless] if self.nperiod < 0 else []
 
@@ -76,7 +76,7 @@ class Pulse(PartialSignalSource):
 
 
 class TimeTable(PartialSignalSource):
-    """Linear interpolation in a table with rows (time [s], value); two rows with the same time make a jump."""
+    """Linear interpolation in a table with rows (time [s], value); two rows with the same time form a jump."""
 
     table: Points = structural(doc="Rows (time [s], value); times ascend and count from start_time")
 

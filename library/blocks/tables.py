@@ -51,11 +51,11 @@ def table(
 ) -> Expr:
     """The function through `points`, pairs in SI units, at `u`.
 
-    Kinks are events unless `located` is False: then the error control of the solver passes them, which is cheaper if a
-    trajectory crosses many. With more than `MANY` kinks none is an event; runs stop without an event at those that
-    their solver cannot pass within the tolerance. Steps are always events.
+    Kinks are events unless `located` is False: then the solver integrates across them under its error control, which is
+    cheaper if a trajectory crosses many. With more than `MANY` kinks, none is an event; runs stop without an event at
+    those that their solver cannot pass within the tolerance. Steps are always events.
 
-    A single point is a constant. The segment is found by bisection, with few points by relations in the equations, with
+    A single point is a constant. The segment is found by bisection: with few points by relations in the equations, with
     many by a search in one call (`acausal.lookup`).
 
     Raises
@@ -77,7 +77,7 @@ def table(
     (x0, y0), (xn, yn) = known[0], known[-1]
     hold = extrapolation is Extrapolation.HOLD_LAST_POINT or steps
     straight = not hold and smoothness is Smoothness.LINEAR_SEGMENTS
-    if not straight:  # the outer segments of a polyline extrapolate themselves
+    if not straight:  # the outer segments of a polyline already extrapolate
         first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
         pieces = [(-float("inf"), y0 + first * (u - x0)), *pieces, (xn, yn + last * (u - xn))]
     kinked = smoothness is Smoothness.LINEAR_SEGMENTS or hold
@@ -96,7 +96,7 @@ def _by_search(
     """The function of `table` with a search for the segment."""
     x, y = zip(*points, strict=True)
     if smoothness is Smoothness.CONSTANT_SEGMENTS:
-        # the segment number is the floor of a piecewise linear function, so two relations suffice to locate all steps
+        # The segment number is the floor of a piecewise linear function, so two relations suffice to locate all steps.
         places = lookup(x, [(float(k), 1.0 / (b - a)) for k, (a, b) in enumerate(pairwise(x))], "segment")
         number = floor(clamp(places(u), 0.0, len(y) - 0.5))
         return as_expr(lookup([*range(len(y)), len(y)], [(v,) for v in y], "step")(number + 0.5))
@@ -110,9 +110,9 @@ def _by_search(
             return _split_at_kinks(x, rows, u, located)
     hold = extrapolation is Extrapolation.HOLD_LAST_POINT
     first, last = (0.0, 0.0) if hold else (slopes[0][0], slopes[-1][1])
-    ends = [(y[0] - first * (x[1] - x[0]), first), (y[-1], last)]  # a segment more on each side
+    ends = [(y[0] - first * (x[1] - x[0]), first), (y[-1], last)]  # an extra segment on each side
     outer = [(*end, *[0.0] * (len(rows[0]) - 2)) for end in ends]
-    # the outer segments are as long as the table
+    # The outer segments are as long as the table.
     far = x[-1] - x[0]
     outer[0] = (y[0] - first * far, *outer[0][1:])
     return _split_at_kinks((x[0] - far, *x, x[-1] + far), [outer[0], *rows, outer[1]], u, located)
@@ -129,7 +129,7 @@ def _split_at_kinks(ends: Sequence[float], rows: Sequence[tuple[float, ...]], u:
     cuts = few(lengths, [b[0] - a[1] for a, b in pairwise(slopes)], height) if located else []
     pieces: list[tuple[float, Expr]] = []
     for first, last in pairwise([0, *cuts, len(rows)]):
-        # alternating names, because a cut between two calls of one function would be removed
+        # Alternating names, because a cut between two calls of the same function would be removed.
         name = "table_" if len(pieces) % 2 else "table"
         pieces.append((ends[first], as_expr(lookup(ends[first : last + 1], rows[first:last], name)(u))))
     return _choice(u, pieces, smooth=False)
@@ -156,7 +156,7 @@ def wrong_row(row: Sequence[float]) -> str | None:
         x, y = row
         is_finite = isfinite(x) and isfinite(y)
     except (TypeError, ValueError):
-        return "is no pair of numbers"
+        return "is not a pair of numbers"
     return None if is_finite else "holds a number that is not finite"
 
 
@@ -240,8 +240,10 @@ class CombiTable1D(PartialSISO):
     """Table of one variable: `y` is the function through the points of `table` at `u` (MSL: CombiTable1Ds)."""
 
     table: Points = structural(doc="Points (u, y), u strictly increasing")
-    smoothness: Smoothness = structural(default=Smoothness.LINEAR_SEGMENTS, doc="What lies between two points")
-    extrapolation: Extrapolation = structural(default=Extrapolation.LAST_TWO_POINTS, doc="What lies beyond the ends")
+    smoothness: Smoothness = structural(default=Smoothness.LINEAR_SEGMENTS, doc="Interpolation between two points")
+    extrapolation: Extrapolation = structural(
+        default=Extrapolation.LAST_TWO_POINTS, doc="Extrapolation beyond the ends"
+    )
 
     def equations(self) -> Equations:
         yield self.y == table(self.table, self.u, self.smoothness, self.extrapolation)

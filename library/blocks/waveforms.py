@@ -1,7 +1,7 @@
 """Functions of time that signal, voltage and current sources share.
 
-Every switch is a condition on `time` alone: a time event, located exactly. Between events a table is searched by
-bisection; which events a time lies between is decided by a balanced tree of `where`.
+Every switch is a condition on `time` alone: a time event, located exactly. The interval between two events is selected
+by a balanced tree of `where`; within it, a table is searched by bisection.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from acausal.library.blocks.kinks import few
 from acausal.library.blocks.tables import wrong_row
 
 Points = tuple[tuple[float, float], ...]
-"""Rows (time [s], value), times ascending; two rows with the same time are a jump."""
+"""Rows (time [s], value) with ascending times; two rows with the same time form a jump."""
 
 
 def step(height: Expr, offset: Expr, start_time: Expr) -> Expr:
@@ -50,13 +50,13 @@ def pulse(amplitude: Expr, width: Expr, period: Expr, nperiod: int, offset: Expr
 def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
     """Linear interpolation of `points`, whose times count from `start_time` [s]; `offset` before.
 
-    Beyond its ends the table goes on along its first and its last line, as in the Modelica Standard Library; where it
-    ends with a jump, it holds the last value, and the first one where it begins with a jump.
+    Beyond its ends the table is extrapolated along its first and its last line, as in the Modelica Standard Library. If
+    it ends with a jump it holds the last value, and the first value if it begins with a jump.
 
     Raises
     ------
     DeclarationError
-        AC130 when the table is empty, is not made of pairs, or its times descend.
+        AC130 if the table is empty, does not consist of pairs, or its times descend.
     """
     points = _checked(points)
     t = unitless(time - start_time)
@@ -70,7 +70,7 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
             pieces.append(y0 + slope * (t - t0) if slope else y0)
         else:
             own = rows[first:last]
-            # two functions in turn: a cut between calls of one function would be none
+            # Alternating names, because a cut between two calls of the same function would be removed.
             name = "table" if len(pieces) % 2 else "table_"
             pieces.append(lookup([*(r[0] for r in own), own[-1][3]], [r[1:3] for r in own], name)(t))
     breaks = [start_time + quantity(rows[k][0], "s") for k in cuts]
@@ -78,17 +78,17 @@ def table(points: Points, offset: Expr, start_time: Expr) -> Expr:
 
 
 def _with_ends(points: Points) -> Points:
-    """The points, with a level line behind a jump at the end, and before one at the beginning."""
+    """The points, with a horizontal line after a jump at the end, and before a jump at the beginning."""
     (first, y_first), (last, y_last) = points[0], points[-1]
     far = last - first or 1.0
-    # what lies before time zero is not seen
+    # The output before time zero of the table is always `offset`.
     before = ((first - far, y_first),) if first > 0.0 and len(points) > 1 and points[1][0] == first else ()
     after = ((last + far, y_last),) if len(points) == 1 or points[-2][0] == last else ()
     return (*before, *points, *after)
 
 
 def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[float, float, float, float]]:
-    """Rows on one straight line, joined: a line has a second derivative, a search among equal lines has none."""
+    """Merge rows on one straight line: a line has a second derivative, a search among equal lines has none."""
     found: list[tuple[float, float, float, float]] = []
     for row in rows:
         before = found[-1] if found else None
@@ -102,7 +102,7 @@ def _joined(rows: Sequence[tuple[float, float, float, float]]) -> list[tuple[flo
 
 
 def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
-    """Rows at which there is a time event: jumps, and all kinks where these are few."""
+    """Rows at which there is a time event: jumps, and all kinks if there are few."""
     height = max(r[1] for r in rows) - min(r[1] for r in rows) + abs(rows[-1][2]) * (rows[-1][3] - rows[-1][0])
     jumps = []
     for k, (a, b) in enumerate(pairwise(rows), start=1):
@@ -113,7 +113,7 @@ def _cuts(rows: Sequence[tuple[float, float, float, float]]) -> list[int]:
 
 
 def _select(breaks: Sequence[Expr], values: Sequence[Expr | float]) -> Expr | float:
-    """`values[k]` where `breaks[k-1] <= time < breaks[k]`; one value more than breaks."""
+    """`values[k]` where `breaks[k-1] <= time < breaks[k]`; there is one more value than breaks."""
     if len(values) == 1:
         return values[0]
     middle = len(values) // 2

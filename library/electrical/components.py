@@ -102,7 +102,7 @@ class SaturatingInductor(PartialOnePort):
 
 
 class IdealTransformer(PartialTwoPort):
-    """Ideal transformer: v1 = n*v2, i2 = -n*i1. Without magnetisation it transforms direct current, too."""
+    """Ideal transformer: v1 = n*v2, i2 = -n*i1. Without magnetisation, it transforms direct current too."""
 
     n: Real = parameter(unit="1", doc="Turns ratio primary : secondary")
 

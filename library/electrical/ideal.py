@@ -34,21 +34,22 @@ from acausal.library.electrical.interfaces import PartialOnePort
 
 
 class PartialIdealSwitching(PartialOnePort):
-    """Element that conducts along one straight line and blocks along another; a subclass says when it is `off`."""
+    """Element that conducts along one straight line and blocks along another; subclasses define `off`."""
 
     Ron: Real = parameter(default=1e-5, unit="Ohm", min=0.0, doc="Resistance while conducting")
     Goff: Real = parameter(default=1e-5, unit="S", min=0.0, doc="Conductance while blocking")
     Vknee: Real = parameter(default=0.0, unit="V", min=0.0, doc="Voltage above which it can conduct")
     off: Real = boolean(default=True, doc="Blocking")
     s: Real = variable(
-        unit="1", doc="Path: the current [A] while conducting, the voltage [V] less Vknee while blocking"
+        unit="1", doc="Path: the current [A] while conducting, the voltage minus Vknee [V] while blocking"
     )
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def equations(self) -> Equations:
-        # s is a voltage and a current
+        # `s` has no unit: it stands for a voltage or a current.
         volt, ampere = quantity(1.0, "V"), quantity(1.0, "A")
-        # where Ron = Goff = 0 leaves voltages or currents open, all that is off leaks alike, all that is on resists
+        # If Ron = Goff = 0 leaves voltages or currents undetermined, all open elements get equal leakage conductances,
+        # and all closed ones equal resistances.
         leak = infinitesimal() * self.s
         on, off = self.Ron * ampere, self.Goff * volt
         yield self.v == self.s * where(self.off, volt, on) + where(self.off, 0.0, leak) * volt + self.Vknee
@@ -58,7 +59,7 @@ class PartialIdealSwitching(PartialOnePort):
 
 
 class IdealDiode(PartialIdealSwitching):
-    """Ideal diode: it conducts from p to n where the voltage reaches `Vknee`, else it blocks."""
+    """Ideal diode: it conducts from p to n if the voltage reaches `Vknee`, else it blocks."""
 
     def equations(self) -> Equations:
         yield self.off == (self.s < 0.0)
@@ -101,24 +102,24 @@ class IdealClosingSwitch(PartialIdealSwitching):
 
 
 class PartialIdealSwitchWithArc(PartialOnePort):
-    """Switch that goes on conducting through an arc after opening, until the arc is quenched.
+    """Switch that continues to conduct through an arc after opening, until the arc is quenched.
 
     The voltage of the arc is `V0 + dVdt*(t - t_opened)`, at most `Vmax`, against the current. It is quenched when the
-    current is so small that an open switch would carry it; a subclass says when the switch is `off`.
+    current is so small that an open switch would carry it; subclasses define `off`.
     """
 
     Ron: Real = parameter(default=1e-5, unit="Ohm", min=0.0, doc="Resistance while closed")
     Goff: Real = parameter(default=1e-5, unit="S", min=0.0, doc="Conductance while open")
-    V0: Real = parameter(unit="V", doc="Voltage of the arc at first")
+    V0: Real = parameter(unit="V", doc="Initial voltage of the arc")
     dVdt: Real = parameter(unit="V/s", doc="Rate of it")
-    Vmax: Real = parameter(unit="V", doc="Its largest value")
+    Vmax: Real = parameter(unit="V", doc="Largest voltage of the arc")
     off: Real = boolean(doc="Not closed: open, or with an arc")
     quenched: Real = boolean(default=True, doc="No arc")
-    t_opened: Real = discrete(unit="s", default=-1e10, doc="When it opened last")
+    t_opened: Real = discrete(unit="s", default=-1e10, doc="Time at which it last opened")
 
     def equations(self) -> Equations:
         yield when(edge(self.off), reset(self.t_opened, time))
-        # asked of a burning arc only: of an open switch both sides are equal, up to rounding
+        # Tested only while an arc burns: for an open switch, both sides are equal up to rounding errors.
         burns = self.off & ~pre(self.quenched)
         small = where(burns, fabs(self.i) - fabs(self.v) * self.Goff, 1.0) <= 0.0
         yield self.quenched == (self.off & (small | pre(self.quenched)))

@@ -1,7 +1,7 @@
 """Pin and the partial components of analog circuits.
 
 Signs as in Modelica.Electrical.Analog: the current of a pin is positive into the component; the current `i`
-of a two-pin component flows from `p` to `n` through it, and `v` is the potential of `p` against `n`.
+of a two-pin component flows from `p` to `n` through it, and `v` is the potential of `p` relative to `n`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from acausal import Component, Connector, Equations, Real, flow, variable
 
 
 class Pin(Connector):
-    """Electrical pin. Positive and negative pins are of this one class: only their names differ."""
+    """Electrical pin. Positive and negative pins belong to this class and differ only in their names."""
 
     v: Real = variable(
         unit="V",

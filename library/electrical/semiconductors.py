@@ -10,7 +10,7 @@ from acausal.library.thermal.interfaces import HeatPort
 class Diode(PartialOnePort):
     """Exponential diode with a resistor in parallel.
 
-    `i = Ids*(exp(v/Vt) - 1) + v/R`. Above `v/Vt = Maxexp` the exponential goes on as its tangent, so that
+    `i = Ids*(exp(v/Vt) - 1) + v/R`. Above `v/Vt = Maxexp` the exponential is continued by its tangent, so that
     trial values of Newton's method cannot overflow; value and slope are continuous there.
     """
 
@@ -45,7 +45,7 @@ class HeatingDiode(PartialOnePort):
     Ids: Real = parameter(default=1e-6, unit="A", min=0.0, doc="Saturation current")
     Maxexp: Real = parameter(default=15.0, unit="1", doc="Largest argument of the exponential")
     R: Real = parameter(default=1e8, unit="Ohm", min=1e-60, doc="Resistance in parallel")
-    EG: Real = parameter(default=1.11, unit="V", doc="Activation energy over the elementary charge")
+    EG: Real = parameter(default=1.11, unit="V", doc="Activation energy divided by the elementary charge")
     N: Real = parameter(default=1.0, unit="1", doc="Emission coefficient")
     TNOM: Real = parameter(default=300.15, unit="K", min=0.0, doc="Temperature at which the parameters were measured")
     XTI: Real = parameter(default=3.0, unit="1", doc="Exponent of the saturation current's temperature")

@@ -10,7 +10,7 @@ class PotentialSensor(Component):
     """Potential of a pin; no current flows."""
 
     p: Pin = Pin()
-    phi: Real = signal_output(unit="V", doc="Potential against ground")
+    phi: Real = signal_output(unit="V", doc="Potential relative to ground")
 
     def equations(self) -> Equations:
         yield self.p.i == 0.0

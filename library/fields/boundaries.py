@@ -7,7 +7,7 @@ from acausal.library.fields.interfaces import ConcentrationPort
 
 
 class FixedConcentration(Component):
-    """Concentration at the end, whatever flows (first kind, Dirichlet)."""
+    """Concentration at the end, whatever the flow (first kind, Dirichlet)."""
 
     port: ConcentrationPort = ConcentrationPort()
     c: Real = parameter(unit="mol/m3", doc="Concentration at the port")
@@ -27,7 +27,7 @@ class FixedMolarFlow(Component):
 
 
 class ConcentrationExchange(Component):
-    """Flow in proportion to the distance from a concentration outside (third kind, Robin)."""
+    """Flow proportional to the difference from an outside concentration (third kind, Robin)."""
 
     port: ConcentrationPort = ConcentrationPort()
     k: Real = parameter(unit="m3/s", min=0.0, doc="Mass transfer coefficient times area")

@@ -9,8 +9,9 @@ from acausal.library.thermal.interfaces import HeatPort
 class HeatBar(Component):
     """Bar of constant properties: rho*c*dT/dt = lambda*d2T/dx2, second order in the width of a cell.
 
-    Between neighbours lambda*A/dx conducts, to each port twice that. An open port is insulated; temperature, heat flow
-    and exchange with surroundings at an end are `FixedTemperature`, `FixedHeatFlow` and `ThermalConductor` there.
+    The conductance between neighbouring cells is lambda*A/dx, to each port twice that. An open port is insulated; a
+    given temperature or heat flow, or exchange with the surroundings, at an end is modelled by connecting a
+    `FixedTemperature`, `FixedHeatFlow` or `ThermalConductor` there.
     Source: S. V. Patankar, Numerical Heat Transfer and Fluid Flow (1980), section 4.2.
     """
 
@@ -43,7 +44,7 @@ class HeatBar(Component):
         G = self.lambda_ * self.A * self.n / self.length
         yield self.port_a.Q_flow == 2.0 * G * (self.port_a.T - self.T[0])
         yield self.port_b.Q_flow == 2.0 * G * (self.port_b.T - self.T[-1])
-        # through the n + 1 faces, towards port_b
+        # Heat flows through the n + 1 faces, towards port_b.
         between = (G * (self.T[:-1] - self.T[1:]),) if self.n > 1 else ()
         Q_flow = concatenate(self.port_a.Q_flow, *between, -self.port_b.Q_flow)
         yield C * der(self.T) == Q_flow[:-1] - Q_flow[1:]

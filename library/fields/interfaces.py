@@ -1,8 +1,8 @@
 """Port of a dissolved substance. Heat and electricity have the ports of their own libraries.
 
-Fields are vectors over `n` equal cells. A cell holds the mean over its volume, at its middle; what flows between two
-cells is an expression of both; half a cell lies between the last middle and a port, so that a port has the value at
-the end.
+Fields are vectors over `n` equal cells. A cell holds the mean over its volume, assigned to its centre; the flow between
+two cells is an expression of both values. Half a cell lies between the last centre and a port, so that a port has the
+value at the end.
 """
 
 from __future__ import annotations

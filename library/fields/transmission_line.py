@@ -9,8 +9,8 @@ from acausal.library.electrical.interfaces import Pin
 class TransmissionLine(Component):
     """Telegrapher's equations: l*di/dt = -dv/dx - r*i, c*dv/dt = -di/dx - g*v, second order in the length of a section.
 
-    Currents lie between voltages, half a section apart; half an inductance lies at either end. Without losses waves run
-    at 1/sqrt(l*c) without reflection into loads of sqrt(l/c). Waves shorter than about ten sections lag behind.
+    Currents lie between voltages, half a section apart; half an inductance lies at either end. Without losses, waves
+    travel at 1/sqrt(l*c) and are not reflected by loads of sqrt(l/c). Waves shorter than about ten sections lag behind.
     Names as in Modelica.Electrical.Analog.Lines.OLine.
     """
 
@@ -33,7 +33,7 @@ class TransmissionLine(Component):
         unit="A",
         default=fixed(0.0),
         prefer_state=True,
-        doc="Currents between them, towards p2",
+        doc="Currents between the sections, towards p2",
     )
     p1: Pin = Pin()
     p2: Pin = Pin()
@@ -42,7 +42,7 @@ class TransmissionLine(Component):
     def equations(self) -> Equations:
         dx = self.length / self.N
         v = concatenate(self.p1.v - self.p3.v, self.v, self.p2.v - self.p3.v)
-        # half an inductance at either end
+        # Half an inductance at either end.
         share = as_expr([0.5, *[1.0] * (self.N - 1), 0.5])
         yield share * dx * (self.l * der(self.i) + self.r * self.i) == v[:-1] - v[1:]
         yield dx * (self.c * der(self.v) + self.g * self.v) == self.i[:-1] - self.i[1:]

@@ -10,17 +10,17 @@ SCHEMES = ("upwind", "van_leer")
 
 
 class PartialChannel(Component):
-    """Channel whose cells produce at a rate `r` that a subclass states: dc/dt = -d(v*c - D*dc/dx)/dx + r.
+    """Channel with a production rate `r`, defined by subclasses: dc/dt = -d(v*c - D*dc/dx)/dx + r.
 
-    Diffusion is of second order in the width of a cell. The concentration that is carried through a face is that of the
-    cell upstream ("upwind": first order, it adds v*dx/2 to D), or is extrapolated to the face with van Leer's slope,
-    the harmonic mean of the slopes on both sides and zero where they differ in sign ("van_leer": second order where the
-    profile is smooth, and no new extremes). The velocity may have either sign.
+    Diffusion is of second order in the width of a cell. The concentration advected through a face is that of the
+    upstream cell ("upwind": first order, it adds v*dx/2 to D), or is extrapolated to the face with van Leer's slope,
+    the harmonic mean of the slopes on both sides, or zero where they differ in sign ("van_leer": second order where the
+    profile is smooth, without new extrema). The velocity may have either sign.
 
-    An open port is a closed wall. Where an end is free (`free_a`, `free_b`), the profile leaves without a gradient, and
-    its port only shows the concentration there. What flows in at a free end has the concentration of the last cell.
-    Without diffusion an end where nothing flows in has to be free, or connected: else nothing fixes the concentration
-    there (AC203). A run ends (AC503) where a component that is connected to a free end takes or gives substance there.
+    An open port is a closed wall. At a free end (`free_a`, `free_b`) the profile leaves without a gradient, and the
+    port only shows the concentration there; inflow at a free end has the concentration of the last cell. Without
+    diffusion, an end without inflow must be free or connected: otherwise the concentration there is undetermined
+    (AC203). A run ends with AC503 if a component connected to a free end exchanges substance with it.
     Sources: S. V. Patankar (1980), chapter 5; B. van Leer, J. Comput. Phys. 14 (1974) 361.
 
     Raises
@@ -43,7 +43,7 @@ class PartialChannel(Component):
     c: Real = variable(
         shape=lambda self: self.n, unit="mol/m3", prefer_state=True, doc="Mean concentrations of the cells"
     )
-    r: Real = variable(shape=lambda self: self.n, unit="mol/(m3.s)", doc="Rates of production in them")
+    r: Real = variable(shape=lambda self: self.n, unit="mol/(m3.s)", doc="Rates of production in the cells")
 
     port_a: ConcentrationPort = ConcentrationPort()
     port_b: ConcentrationPort = ConcentrationPort()
@@ -59,7 +59,7 @@ class PartialChannel(Component):
 
     def equations(self) -> Equations:
         dx, c = self.length / self.n, self.c
-        # of half a cell, into the channel at each end
+        # Fluxes through half a cell, into the channel at each end.
         at_a = self.v * where(self.v > 0.0, self.port_a.c, c[0]) + 2.0 * self.D * (self.port_a.c - c[0]) / dx
         at_b = -self.v * where(self.v > 0.0, c[-1], self.port_b.c) + 2.0 * self.D * (self.port_b.c - c[-1]) / dx
         if self.free_a:
@@ -80,7 +80,7 @@ class PartialChannel(Component):
         left, right = self.c[:-1], self.c[1:]
         rise = right - left
         if self.scheme == "van_leer" and self.n > 2:
-            # of the cells between two others; those at the ends have no slope
+            # For the cells between two others; those at the ends have zero slope.
             half = _slope(rise[:-1], rise[1:]) / 2.0
             left = concatenate(left[0], left[1:] + half)
             right = concatenate(right[:-1] - half, right[-1])
@@ -88,14 +88,14 @@ class PartialChannel(Component):
 
 
 def _free_end(port: ConcentrationPort, c: Expr) -> Equations:
-    """The port shows the concentration c [mol/m3] of the last cell; what a component took there came from nowhere."""
+    """The port shows the concentration c [mol/m3] of the last cell; a flow through it would violate the balance."""
     yield port.c == c
     flows = port.n_flow * port.n_flow > 0.0
     yield assert_(~flows, "substance flows through the port of a free end: leave it open, or let the end not be free")
 
 
 def _slope(a: Expr, b: Expr) -> Expr:
-    """Harmonic means of two differences of one sign, else zero: a kink, which the error control passes."""
+    """Harmonic means of two differences of equal sign, else zero: a kink, which the error control handles."""
     alike = a * b > 0.0
     return where(alike, 2.0 * a * b / where(alike, a + b, 1.0, smooth=True), 0.0, smooth=True)
 
@@ -110,11 +110,11 @@ class Channel(PartialChannel):
 class LogisticChannel(PartialChannel):
     """Channel in which a substance grows logistically (Fisher): r = k*c*(1 - c/c_max).
 
-    A front into c = 0 comes to the speed 2*sqrt(k*D). Source: R. A. Fisher, Annals of Eugenics 7 (1937) 355.
+    A front into c = 0 approaches the speed 2*sqrt(k*D). Source: R. A. Fisher, Annals of Eugenics 7 (1937) 355.
     """
 
     k: Real = parameter(unit="1/s", default=1.0, min=0.0, doc="Rate of growth")
-    c_max: Real = parameter(unit="mol/m3", default=1.0, min=0.0, doc="Concentration at which growth ends")
+    c_max: Real = parameter(unit="mol/m3", default=1.0, min=0.0, doc="Concentration at which growth stops")
 
     def equations(self) -> Equations:
         yield self.r == self.k * self.c * (1.0 - self.c / self.c_max)

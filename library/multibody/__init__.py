@@ -1,7 +1,7 @@
 """Three-dimensional mechanics, in the vocabulary of Modelica.Mechanics.MultiBody.
 
-`frames.py` states the conventions. Joints and parts are put between frames; `World` or `Fixed` is where a mechanism
-hangs; a body that hangs on nothing moves freely.
+`frames.py` states the conventions. Joints and parts connect frames; mechanisms are attached to `World` or `Fixed`; an
+unattached body moves freely.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Rigid bodies: mass, inertia and the equations of Newton and Euler.
 
 The equations are those of Modelica.Mechanics.MultiBody.Parts.Body, stated about the origin of frame_a and resolved in
-frame_a. A body that nobody orients (it is not behind a joint) becomes the root of its island and integrates a
+frame_a. A body whose orientation is not determined by a joint becomes the root of its island and integrates a
 quaternion.
 """
 
@@ -35,8 +35,8 @@ _FREE = "a body can move freely in this direction and nothing says where it star
 class PartialBody(PartialHeavy):
     """Motion of a rigid body's frame_a.
 
-    A free body starts from `r_0`, `v_0`, `w_a` and the quaternion `Q` (of any length; `quaternion(R)` makes it). A
-    body behind joints starts from the coordinates of the joints.
+    A free body starts from `r_0`, `v_0`, `w_a` and the quaternion `Q` (of any length; see `quaternion(R)`). A body
+    attached to joints starts from their coordinates.
     """
 
     frame_a: Frame = Frame()
@@ -69,28 +69,28 @@ class PartialBody(PartialHeavy):
             yield self.Q == (0.0, 0.0, 0.0, 1.0)
 
     def newton_euler(self, m: Expr, r_CM: Expr, tensor: Expr, force: Expr, torque: Expr) -> Equations:
-        """The six equations of motion, and the demand that the inertia be one.
+        """The six equations of motion, and the assertion that the inertia tensor is valid.
 
         Parameters
         ----------
         m, r_CM, tensor
             Mass [kg], centre of mass [m] in frame_a, inertia [kg.m2] about it, 3x3, along the axes of frame_a.
         force, torque
-            All that acts on the body but gravity [N, N.m], about the origin of frame_a, in frame_a.
+            All loads on the body except gravity [N, N.m], about the origin of frame_a, in frame_a.
         """
         yield assert_(_is_inertia(tensor), "the inertia tensor is not symmetric and positive semidefinite")
         a, w, z = self.frame_a, self.w_a, self.z_a
-        if is_root(a):  # joints may keep a body from all the axes about which its moments are not those of masses
+        if is_root(a):  # joints may prevent rotation about those axes whose moments no masses could have
             of_mass = identity(3) * ((tensor[0, 0] + tensor[1, 1] + tensor[2, 2]) / 2) - tensor
             yield assert_(_is_inertia(of_mass), _NO_MASSES, level="warning")
         g = self.gravity_at(self.r_0 + a.R @ r_CM)
         of_centre = cross(z, r_CM) + cross(w, cross(w, r_CM))
-        # Each in the axes in which it is explicit: a free body is asked for its acceleration, another for its force.
+        # In the axes in which the equation is explicit: a free body is solved for its acceleration, others for force.
         if is_root(a):
             yield a.R @ force == m * (self.a_0 - g + a.R @ of_centre)
         else:
             yield force == m * (a.R.T @ (self.a_0 - g) + of_centre)
-        # With the force and not with what it equals: the angular acceleration of a free body then stands alone.
+        # Written with the force rather than mass times acceleration, so that a free body's z is the only unknown here.
         yield torque == tensor @ z + cross(w, tensor @ w) + cross(r_CM, force)
 
 
@@ -131,7 +131,7 @@ class Body(PartialMassiveBody):
 class PartialTwoFrameBody(PartialBody):
     """A body with a second frame, parallel to the first.
 
-    Not a Body with a FixedTranslation behind it, as in Modelica: a chain of links needs half as many unknowns.
+    Unlike in Modelica, it does not consist of a Body and a FixedTranslation, which halves the unknowns of a chain.
     """
 
     frame_b: Frame = Frame()
@@ -160,11 +160,11 @@ class BodyShape(PartialTwoFrameBody, PartialMassiveBody):
 
 
 def _is_inertia(tensor: Expr) -> Expr:
-    """Symmetric, and none of its principal minors negative, but for rounding.
+    """Whether the tensor is symmetric with non-negative principal minors, up to rounding errors.
 
-    The triangle inequality of principal inertias is not asked for: idealised bodies break it, such as the motors of
-    Modelica's robot with a moment about one axis alone, and their motion is determined all the same. A body that moves
-    freely notes it.
+    The triangle inequality of principal inertias is not required: idealised bodies violate it, such as the motors of
+    Modelica's robot with a moment about one axis only, and their motion is determined nevertheless. For a freely moving
+    body, a violation is noted.
     """
     (a, b, c), (f, d, e), (g, h, i) = ([tensor[j, k] for k in range(3)] for j in range(3))
     size = fabs(a) + fabs(d) + fabs(i)

@@ -1,6 +1,6 @@
 """Forces and torques given by signals.
 
-A signal is the load that the component puts on the body behind frame_b. The cut force of a frame is positive into the
+A signal is the load that the component applies to the body at frame_b. The cut force of a frame is positive into the
 component, hence the minus signs.
 """
 
@@ -81,7 +81,7 @@ class PartialTwoFrameLoad(PartialTwoFrames):
 class Force(PartialTwoFrameLoad):
     """Force that acts on frame_b; the opposite force, at the same point of space, acts on frame_a.
 
-    As frame_a need not be where the force acts, it feels the moment too: forces and moments sum to zero.
+    Since frame_a need not be where the force acts, the moment of the force acts on it too: all loads sum to zero.
     """
 
     force: Real = signal_input(unit="N", shape=3, doc="Force on the body at frame_b")

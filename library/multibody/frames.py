@@ -1,9 +1,9 @@
-"""The mechanical connector of three-dimensional bodies, and what its variables mean.
+"""The mechanical connector of three-dimensional bodies, and the meaning of its variables.
 
 Conventions, stated once for the whole library:
 
 - `r_0` is resolved in world axes; `R` turns components in the frame into world components, `v_0 == R @ v`.
-- `w` is the angular velocity of the frame against the world, resolved in the frame: `der(R) == R @ skew(w)`.
+- `w` is the angular velocity of the frame relative to the world, resolved in the frame: `der(R) == R @ skew(w)`.
 - `f` and `t` are resolved in the frame and positive into the component.
 
 The Modelica library stores the transposed matrix `T`; here the columns of `R` are the frame's axes, seen from the
@@ -30,14 +30,14 @@ class Frame(Connector):
     t: Real = flow(unit="N.m", shape=3, doc="Cut torque, in the frame", hint=_LOOP)
 
     def rates(self) -> Equations:
-        """Derivative of the rotation matrix, so that nobody has to differentiate nine entries."""
+        """Derivative of the rotation matrix, so that its nine entries need not be differentiated."""
         yield der(self.R) == self.R @ skew(self.w)
 
     def residuals(self, other: Frame) -> Equations:
         """Three equations that make two orientations equal, for the cut of a loop.
 
-        Each angle vanishes with one off-diagonal entry of the relative rotation; `atan2` keeps away the spurious
-        solutions turned by half a turn, which the bare entry has too. (Modelica.Mechanics.MultiBody,
+        Each angle vanishes with one off-diagonal entry of the relative rotation; `atan2` excludes the spurious
+        solutions at half a turn, at which the entry vanishes too. (Modelica.Mechanics.MultiBody,
         Frames.Orientation.equalityConstraint.)
         """
         relative = self.R.T @ other.R

@@ -1,7 +1,7 @@
 """Gravity fields: the acceleration of gravity at the centre of mass of a body.
 
-The one `World` around them says what bodies feel: its vector `g_0` and, for fields that are not uniform, its function
-`gravity`. A body may be given others of its own.
+Bodies use the field of the surrounding `World`: its vector `g_0` and, for non-uniform fields, its function `gravity`.
+Both may be overridden for individual bodies.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ STANDARD_GRAVITY = 9.80665
 """Acceleration of free fall [m/s2] (3rd General Conference on Weights and Measures, 1901)."""
 
 Field = Callable[[Expr, Expr], Expr]
-"""A field of gravity: from `g_0` [m/s2] and the place `r_0` [m] to the acceleration [m/s2], all in world axes."""
+"""A field of gravity: from `g_0` [m/s2] and the position `r_0` [m] to the acceleration [m/s2], all in world axes."""
 
 
 def uniform_field(g_0: Expr, r_0: Expr) -> Expr:
@@ -27,7 +27,7 @@ def uniform_field(g_0: Expr, r_0: Expr) -> Expr:
 def field_of_world(g_0: Expr, r_0: Expr) -> Expr:
     """Placeholder for the field of the surrounding world; the body replaces it (`PartialHeavy.gravity_at`)."""
     raise DeclarationError(
-        "AC110", "field_of_world is no field of its own", help="leave gravity out, or give World(gravity=...)"
+        "AC110", "field_of_world is only a placeholder", help="leave gravity out, or give World(gravity=...)"
     )
 
 

@@ -1,4 +1,4 @@
-"""Partial components: what joints, force elements and sensors have in common."""
+"""Partial components: the common parts of joints, force elements and sensors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class PartialTwoFrames(Component):
 
 
 class PartialJoint(PartialTwoFrames):
-    """A joint that determines the orientation of one frame against the other, with or without joint coordinates."""
+    """A joint that determines the relative orientation of its frames, with or without joint coordinates."""
 
     def ties(self) -> Equations:
         yield branch(self.frame_a, self.frame_b)
 
 
 class PartialAligned(PartialJoint):
-    """A component whose two frames are parallel and hand the force on."""
+    """A component whose two frames are parallel and which transmits the force."""
 
     def equations(self) -> Equations:
         yield self.frame_b.R == self.frame_a.R

@@ -8,8 +8,8 @@ from acausal.library.multibody.rotations import resolve_in_frame
 from acausal.library.multibody.world import PartialHeavy
 
 _TINY = 1e-10
-"""Length [m] that is added in square: far below the last digit of a millimetre, and it gives the line of two
-coinciding frames a direction of length zero instead of a division by zero."""
+"""Length [m] whose square is added to that of the line: negligible, but it gives coinciding frames a direction of
+length zero instead of a division by zero."""
 
 
 class PartialLine(PartialTwoFrames):
@@ -38,7 +38,7 @@ class PartialLineForce(PartialLine):
 
 
 class PartialDampedLineForce(PartialLineForce):
-    """A line force that knows the rate of its length."""
+    """A line force that depends on the rate of its length."""
 
     v: Real = variable(unit="m/s", doc="Rate of the length")
 
@@ -79,20 +79,20 @@ class SpringDamperParallel(PartialDampedLineForce):
 class SpringWithMass(PartialLine, PartialHeavy):
     """Linear spring that carries a point mass on its line.
 
-    A class of its own and not `Spring(m=...)`: with a mass the force depends on the accelerations of both frames.
+    A separate class rather than `Spring(m=...)`: with a mass, the force depends on the accelerations of both frames.
     """
 
     c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness")
     s_unstretched: Real = parameter(default=0.0, unit="m", doc="Length without force")
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
-    length_fraction: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Place of the mass: 0 at frame_a")
+    length_fraction: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Position of the mass: 0 at frame_a")
     f: Real = variable(unit="N", doc="Force of the spring, positive in tension")
     v_CM_0: Real = variable(unit="m/s", shape=3, doc="Velocity of the mass, in world axes")
 
     def equations(self) -> Equations:
         a, b = self.frame_a, self.frame_b
         towards_b = self.length_fraction
-        # The mass is a fixed fraction of the way, so that its velocity is the mean of the frames' own.
+        # The mass stays at a fixed fraction of the line, so that its velocity is a weighted mean of the frames'.
         yield self.v_CM_0 == (1 - towards_b) * der(a.r_0) + towards_b * der(b.r_0)
         r_CM_0 = (1 - towards_b) * a.r_0 + towards_b * b.r_0
         f_CM_0 = self.m * (der(self.v_CM_0) - self.gravity_at(r_CM_0))

@@ -30,7 +30,7 @@ def unit_vector(n: Sequence[float], name: str = "n") -> Vector:
     if not 0.0 < length < math.inf:
         raise DeclarationError(
             "AC130",
-            f"{name} = {tuple(n)} gives no direction",
+            f"{name} = {tuple(n)} does not define a direction",
             help=f"give three numbers that are not all zero: {name}=(0, 0, 1)",
         )
     return (n[0] / length, n[1] / length, n[2] / length)
@@ -63,7 +63,7 @@ _ROUNDING = 1e-8
 def _no_rotation(R: object, name: str, why: str) -> DeclarationError:
     return DeclarationError(
         "AC130",
-        f"{name} = {R} is no rotation",
+        f"{name} = {R} is not a rotation",
         cause=why,
         help=f"make it: {name}=axis_rotation((0, 0, 1), angle), axes_rotation(n_x, n_y) or rotation_sequence(angles)",
     )
@@ -103,7 +103,7 @@ def axes_rotation(n_x: Sequence[float], n_y: Sequence[float]) -> Rotation:
 
 def across(e: Vector) -> tuple[Vector, Vector]:
     """Two unit vectors perpendicular to the unit vector `e` and to each other, all of shape (3,)."""
-    # the coordinate axis least parallel to e gives the best conditioned cross product
+    # The coordinate axis least parallel to e gives the best conditioned cross product.
     least = min(range(3), key=lambda k: abs(e[k]))
     R = axes_rotation(e, [float(k == least) for k in range(3)])
     return ((R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
@@ -118,7 +118,7 @@ def product(a: Rotation, b: Rotation) -> Rotation:
 def quaternion(R: Rotation) -> Quaternion:
     """Unit quaternion (vector part first) of a rotation, the start value `Q` of a free body.
 
-    The largest of the four components is computed first: dividing by a small one would lose digits
+    The largest of the four components is computed first, since dividing by a small one would lose digits
     (Shepperd, Journal of Guidance and Control 1 (1978) 223).
     """
     trace = R[0][0] + R[1][1] + R[2][2]

@@ -9,10 +9,10 @@ from acausal.library.multibody.orientation import IDENTITY, Rotation, checked_ro
 
 
 class Fixed(Component):
-    """Frame at rest at a point of the world, parallel to the world."""
+    """Frame fixed to a point of the world, parallel to the world."""
 
     frame_b: Frame = Frame()
-    r: Real = parameter(default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="Place in world axes")
+    r: Real = parameter(default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="Position in world axes")
 
     def ties(self) -> Equations:
         yield root(self.frame_b)

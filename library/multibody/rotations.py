@@ -1,7 +1,7 @@
 """Rotations as expressions, for the equations of joints, bodies and sensors.
 
-A rotation `R` turns components in frame b into components in frame a, as `Frame.R` does for the world. Entries that
-are zero or one for a literal axis stay literal, so that the equations of a joint about z are those of a plane
+A rotation `R` transforms components in frame b into components in frame a, as `Frame.R` does for the world. Entries
+that are zero or one for a literal axis stay literal, so that the equations of a joint about z are those of a plane
 rotation.
 """
 
@@ -51,7 +51,7 @@ def relative_rotation(frame_a: Frame, frame_b: Frame) -> Expr:
 
 
 def quaternion_rotation(Q: Expr) -> Expr:
-    """Rotation of a quaternion of any length but zero, vector part first.
+    """Rotation of a quaternion of any non-zero length, vector part first.
 
     It is divided by the squared length, so that the drift of the length of an integrated quaternion has no effect.
     """

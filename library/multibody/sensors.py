@@ -8,7 +8,7 @@ from acausal.library.multibody.rotations import cardan_angles, relative_rotation
 
 
 class AbsoluteSensor(PartialAbsoluteSensor):
-    """Position, velocity, orientation and angular velocity of frame_a against the world."""
+    """Position, velocity, orientation and angular velocity of frame_a relative to the world."""
 
     r: Real = signal_output(unit="m", shape=3, doc="Position, in world axes")
     v: Real = signal_output(unit="m/s", shape=3, doc="Velocity, in world axes")
@@ -23,12 +23,12 @@ class AbsoluteSensor(PartialAbsoluteSensor):
 
 
 class RelativeSensor(PartialRelativeSensor):
-    """Position, velocity, orientation and angular velocity of frame_b against frame_a, seen in frame_a."""
+    """Position, velocity, orientation and angular velocity of frame_b relative to frame_a, resolved in frame_a."""
 
     r_rel: Real = signal_output(unit="m", shape=3, doc="From frame_a to frame_b, in frame_a")
     v_rel: Real = signal_output(unit="m/s", shape=3, doc="Rate of r_rel as frame_a sees it, in frame_a")
     angles: Real = signal_output(unit="rad", shape=3, doc="Angles about x, the new y, the new z")
-    w_rel: Real = signal_output(unit="rad/s", shape=3, doc="Angular velocity against frame_a, in frame_a")
+    w_rel: Real = signal_output(unit="rad/s", shape=3, doc="Angular velocity relative to frame_a, in frame_a")
 
     def equations(self) -> Equations:
         a, b = self.frame_a, self.frame_b
@@ -52,18 +52,18 @@ class PartialCutSensor(PartialJoint):
 
 
 class CutForce(PartialCutSensor):
-    """Force through the cut, in frame_a: what the part behind frame_a exerts on the part behind frame_b."""
+    """Force through the cut, in frame_a: exerted by the part at frame_a on the part at frame_b."""
 
-    force: Real = signal_output(unit="N", shape=3, doc="Force on the part behind frame_b, in frame_a")
+    force: Real = signal_output(unit="N", shape=3, doc="Force on the part at frame_b, in frame_a")
 
     def equations(self) -> Equations:
         yield self.force == self.frame_a.f
 
 
 class CutTorque(PartialCutSensor):
-    """Torque through the cut, in frame_a: what the part behind frame_a exerts on the part behind frame_b."""
+    """Torque through the cut, in frame_a: exerted by the part at frame_a on the part at frame_b."""
 
-    torque: Real = signal_output(unit="N.m", shape=3, doc="Torque on the part behind frame_b, in frame_a")
+    torque: Real = signal_output(unit="N.m", shape=3, doc="Torque on the part at frame_b, in frame_a")
 
     def equations(self) -> Equations:
         yield self.torque == self.frame_a.t

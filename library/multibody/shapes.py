@@ -33,7 +33,7 @@ from acausal.library.multibody.world import PartialHeavy
 class PartialLongBody(PartialTwoFrameBody):
     """Body of uniform density that begins at `r_shape` and extends by `length` along `length_direction`.
 
-    frame_b is at `r`, wherever the shape ends: a cylinder may be longer than the way between its frames, or shorter.
+    frame_b is at `r`, wherever the shape ends: a cylinder may be longer or shorter than the distance of its frames.
     Source: Modelica.Mechanics.MultiBody.Parts.BodyBox and BodyCylinder, version 4.0.0.
     """
 
@@ -58,7 +58,7 @@ class PartialLongBody(PartialTwoFrameBody):
         )
 
     def demand_extent(self, m: Expr) -> Equations:
-        """Refuse a length of 0 from which no mass follows: what that leaves open would be told of whole assemblies."""
+        """Assert that a body without a given mass has a length: otherwise errors would concern whole assemblies."""
         yield assert_(
             (self.length > 0) | (m > 0),
             "its length is 0, and so is the mass that follows from it: give r other than r_shape, length, or m",
@@ -73,7 +73,7 @@ class PartialLongBody(PartialTwoFrameBody):
 
 
 class BodyCylinder(PartialLongBody):
-    """Cylinder or tube of uniform density, along the line from frame_a to frame_b unless told otherwise."""
+    """Cylinder or tube of uniform density, along the line from frame_a to frame_b by default."""
 
     diameter: Real = parameter(unit="m", min=0.0, doc="Outer diameter")
     inner_diameter: Real = parameter(default=0.0, unit="m", min=0.0, doc="Diameter of the bore")
@@ -99,10 +99,10 @@ class BodyCylinder(PartialLongBody):
 
 
 class BodyBox(PartialLongBody):
-    """Box of uniform density, solid or hollow from end to end, along the line from frame_a to frame_b unless told else.
+    """Box of uniform density, solid or hollow from end to end, along the line from frame_a to frame_b by default.
 
-    `width` is measured along `width_direction`, made perpendicular to the length; `height` perpendicular to both. There
-    is no default direction because none fits every `r`: it must not be parallel to the length.
+    `width` is measured along `width_direction`, made perpendicular to the length; `height` perpendicular to both. The
+    direction has no default because none fits every `r`: it must not be parallel to the length.
     """
 
     width: Real = parameter(unit="m", min=0.0, doc="Width")
@@ -142,7 +142,7 @@ class BodyBox(PartialLongBody):
         z = cross(x, self._width_direction())
         z = z / norm(z)
         y = cross(z, x)
-        # What is not there over what is: a box without width has no hollow, and no area to divide by.
+        # Ratio of missing to present area: a box without width has no hollow, but no area to divide by either.
         missing = self.inner_width * self.inner_height / maximum(self._area(), 1e-300)
         length, width, height = (d * d for d in (self.length, self.width, self.height))
         width = width + missing * (width - self.inner_width * self.inner_width)
@@ -152,23 +152,23 @@ class BodyBox(PartialLongBody):
 
 
 _ROUNDING = quantity(1e-11, "m")
-"""Rounding of a torque, by the force that acts and the mass times the rounded acceleration below."""
+"""Lever arm of rounding errors: a torque below this length times the acting force counts as none."""
 _LEAST = quantity(1.0, "m/s2"), quantity(1e-100, "N2")
-"""Without any force torques are rounded, too: as if the mass were accelerated so much, or there were a little force."""
+"""Lower bounds of that force, since torques are rounded without any force too: an acceleration and a tiny force."""
 _TURNED = (
-    "a torque acts on what is fixed to it, and a point mass has no inertia to turn with: its axes would stand still; "
-    "connect a Body with an inertia, in its place or beside it"
+    "a torque acts on parts fixed to it, but a point mass has no rotational inertia: its axes would stand still; "
+    "connect a Body with an inertia, instead or in addition"
 )
 
 _PARALLEL = 1e-6
-"""Sine of the angle below which two directions are taken for one: of their cross product no digits would be left."""
+"""Sine of the angle below which two directions count as parallel: their cross product would have no correct digits."""
 
 
 class PointMass(PartialHeavy):
     """Point mass, which has a position and a velocity but no orientation.
 
-    Forces may act on it from any side; where a rod is fixed to it, something else has to say how that turns: a joint
-    with angles, or a Body. A torque that nothing answers ends the run.
+    Forces may act on it from any side. If a rod is fixed to it, another component must determine the rotation of that:
+    a joint with angles, or a Body. An unbalanced torque ends the run.
     """
 
     frame_a: Frame = Frame()
@@ -178,7 +178,7 @@ class PointMass(PartialHeavy):
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
 
     def ties(self) -> Equations:
-        # Last choice: any body of the island is a better root, because a point mass would hold its axes still.
+        # Last choice: any body of the island is a better root, because a point mass would keep its axes fixed.
         yield potential_root(self.frame_a, 10000)
 
     def equations(self) -> Equations:
@@ -188,11 +188,11 @@ class PointMass(PartialHeavy):
         yield self.a_0 == der(self.v_0)
         yield a.f == self.m * (a.R.T @ (self.a_0 - self.gravity_at(self.r_0)))
         if is_root(a):
-            # Its axes do not turn, which is a matter of choice as long as nothing else has an orientation there. What
-            # would turn them would be held without a word: a point mass on a rod would not fall.
+            # Its axes do not turn, which is arbitrary as long as no other part of the island has an orientation. Parts
+            # that should turn would silently be held: a point mass on a rod would not fall.
             yield a.R == identity(3)
             yield a.w == 0
-            # a product: where there is no torque at all it is zero, and no assertion is left
+            # A product: without any torque it is identically zero, and the assertion vanishes.
             forces = dot(a.f, a.f) + (self.m * _LEAST[0]) ** 2 + _LEAST[1]
             yield assert_(dot(a.t, a.t) * (1 / forces) <= _ROUNDING**2, _TURNED)
         else:

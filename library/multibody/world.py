@@ -12,7 +12,7 @@ from acausal.library.multibody.orientation import Vector, unit_vector
 class World(Component):
     """World frame and gravity.
 
-    Components with a weight refer to the surrounding world (`outer`), as the bodies of Modelica do, so one World in the
+    Components with a weight refer to the surrounding world (`outer`), as bodies in Modelica do, so one World in the
     model suffices. Without one, a World with these defaults is added, with a note.
     """
 
@@ -41,25 +41,25 @@ class World(Component):
 class PartialHeavy(Component):
     """Component with a weight, which takes the gravity of the surrounding world."""
 
-    world: World = outer(World, default=World(), doc="Says what gravity is")
+    world: World = outer(World, default=World(), doc="World whose gravity acts")
     g_0: Real = parameter(
         default=lambda self: self.world.g_0, unit="m/s2", shape=3, doc="Vector of gravity in world axes"
     )
     gravity: Field = structural(default=field_of_world, doc="Field of gravity; that of the world unless given")
 
     def gravity_at(self, r_0: Expr) -> Expr:
-        """Acceleration of gravity [m/s2] at `r_0` [m], both vectors of 3 in world axes; known in `equations`."""
+        """Acceleration of gravity [m/s2] at `r_0` [m], both in world axes, shape (3,); to be called in `equations`."""
         field = self.world.gravity if self.gravity is field_of_world else self.gravity
         _refuse_vector(self, field)
         return field(self.g_0, r_0)
 
 
 def _refuse_vector(component: Component, field: Field) -> None:
-    """Refuse a `g_0` that was given where the field is that of a point mass, which has no vector (AC130)."""
+    """Raise AC130 if `g_0` is given although the field is that of a point mass, which does not use it."""
     if isinstance(field, PointField) and "g_0" in component.__dict__["_given"]:
         raise DeclarationError(
             "AC130",
-            f"{type(component).__name__}: g_0 is given, and has no effect in the field of a point mass",
-            cause="the vector g_0 is that of a uniform field; this one is given by its mass and the place alone",
-            help="leave g_0 out, or give the body a field of its own, too: gravity=uniform_field",
+            f"{type(component).__name__}: g_0 is given, but has no effect in the field of a point mass",
+            cause="the vector g_0 defines a uniform field; this one depends only on its mass and the position",
+            help="leave g_0 out, or also give the body another field: gravity=uniform_field",
         )

@@ -77,17 +77,17 @@ class SpringDamper(PartialCompliantWithRelativeStates):
 
 
 class ElastoBacklash(PartialCompliantWithRelativeStates):
-    """Spring and damper side by side, in series with a play of total width `b`; the flanks push and never pull.
+    """Spring and damper in parallel, in series with a backlash of total width `b`; the flanks never pull.
 
-    With tau_c = c*(phi_diff -/+ b/2) and tau_d = d*w_rel the torque beyond the play is tau_c + tau_d, with the size
-    of tau_d limited to that of tau_c, and 0 where it would pull.
+    With tau_c = c*(phi_diff -/+ b/2) and tau_d = d*w_rel the torque outside the backlash is tau_c + tau_d, with the
+    magnitude of tau_d limited to that of tau_c, and 0 where it would pull.
     """
 
     c: Real = parameter(unit="N.m/rad", min=0.0, doc="Stiffness")
     d: Real = parameter(unit="N.m.s/rad", min=0.0, doc="Damping constant")
     b: Real = parameter(default=0.0, unit="rad", min=0.0, doc="Total play")
-    phi_rel0: Real = parameter(default=0.0, unit="rad", doc="Twist in the middle of the play")
-    phi_diff: Real = variable(unit="rad", doc="Twist measured from the middle of the play")
+    phi_rel0: Real = parameter(default=0.0, unit="rad", doc="Twist in the middle of the backlash")
+    phi_diff: Real = variable(unit="rad", doc="Twist measured from the middle of the backlash")
 
     def equations(self) -> Equations:
         yield self.phi_diff == self.phi_rel - self.phi_rel0
@@ -101,11 +101,11 @@ class ElastoBacklash(PartialCompliantWithRelativeStates):
 
 
 Backlash = ElastoBacklash
-"""The same under the shorter name."""
+"""Alias with a shorter name."""
 
 
 class IdealGear(PartialTwoFlanges):
-    """Gear without losses and inertia, its housing fixed to the ground: `flange_a.phi = ratio*flange_b.phi`."""
+    """Gear without losses and inertia, with its housing fixed to the ground: `flange_a.phi = ratio*flange_b.phi`."""
 
     ratio: Real = parameter(unit="1", doc="Transmission ratio flange_a.phi / flange_b.phi")
 
@@ -117,14 +117,14 @@ class IdealGear(PartialTwoFlanges):
 class IdealGearWithSupport(PartialTwoFlanges):
     """Gear without losses and inertia whose housing is the flange `support`.
 
-    Its own class, not an option of IdealGear: an unconnected support would be free of torque, not held, and the gear
-    would transmit none. So it has to be connected.
+    It is a separate class rather than an option of IdealGear: an unconnected support would be free instead of fixed,
+    and the gear would transmit no torque. So it has to be connected.
     """
 
     _to_be_connected = ("support",)
 
     support: Flange = Flange()
-    ratio: Real = parameter(unit="1", doc="Transmission ratio, measured against the housing")
+    ratio: Real = parameter(unit="1", doc="Transmission ratio, measured relative to the housing")
 
     def equations(self) -> Equations:
         a, b, housing = self.flange_a, self.flange_b, self.support

@@ -1,4 +1,4 @@
-"""Dry friction that sticks: brake, clutch and bearing. Names as in Modelica.Mechanics.Rotational.
+"""Dry friction with stiction: brake, clutch and bearing. Names as in Modelica.Mechanics.Rotational.
 
 The state machine is that of `blocks/dry_friction.py`.
 """
@@ -30,12 +30,12 @@ from acausal.library.rotational.interfaces import PartialCompliantWithRelativeSt
 
 
 class PartialFriction(DryFriction):
-    """Element with dry friction; a subclass states `w_relfric`, `a_relfric`, `tau0`, `tau0_max` and `free`."""
+    """Element with dry friction; subclasses define `w_relfric`, `a_relfric`, `tau0`, `tau0_max` and `free`."""
 
     w_small: Real = parameter(
         default=1e10,
         unit="rad/s",
-        doc="Speed beyond which sliding turns round without sticking; small only where resets make the speed jump",
+        doc="Speed beyond which sliding reverses without sticking; small only where resets make the speed jump",
     )
     w_relfric: Real = variable(unit="rad/s", doc="Relative angular velocity of the surfaces")
     a_relfric: Real = variable(unit="rad/s2", doc="Relative angular acceleration of the surfaces")
@@ -134,10 +134,10 @@ class BearingFriction(PartialFriction, PartialBetweenShaftAndGround):
 
 
 class OneWayClutch(PartialCompliantWithRelativeStates):
-    """Freewheel and clutch side by side: the relative speed `w_rel` cannot become negative.
+    """Freewheel and clutch in parallel: the relative speed `w_rel` cannot become negative.
 
-    One element and not two, because two stuck ones in parallel would share the torque in no definite way. The start
-    must have w_rel >= 0. Source: Modelica.Mechanics.Rotational.Components.OneWayClutch.
+    They form one element because the distribution of torque between two stuck elements in parallel is undetermined. The
+    initial `w_rel` must not be negative. Source: Modelica.Mechanics.Rotational.Components.OneWayClutch.
     """
 
     mu_pos: Points = structural(
@@ -166,7 +166,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
         sa, w_rel = unitless(self.sa), self.w_rel
-        # it would stay at the negative speed, as if that were zero
+        # A negative initial speed would be kept, as if it were zero.
         yield assert_(
             ~initial() | no_event(w_rel >= -1e-9), "the start must have w_rel >= 0: flange_b ahead of flange_a"
         )
@@ -174,7 +174,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
         yield self.free == (self.f_normalized <= 0.0)
         yield self.fn == where(self.free, 0.0, self.fn_max * self.f_normalized)
         yield self.tau0 == mu0 * self.cgeo * self.fn
-        # above zero without a normal force too, so that the freewheel alone lets go by a margin
+        # Positive even without a normal force, so that the freewheel alone releases with a margin.
         least, peak = _HYSTERESIS * mu0 * self.cgeo * self.fn_max, maximum(self.peak, 1.0 + _HYSTERESIS)
         yield self.tau0_max == where(self.free, least, peak * self.tau0)
         lets_go = (sa > self.tau0_max) | (w_rel > self.w_small)

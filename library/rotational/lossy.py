@@ -36,12 +36,12 @@ Losses = tuple[tuple[float, float, float, float, float], ...]
 
 
 class LossyGear(PartialTwoFlanges):
-    """Gear without inertia that loses torque by the friction of its teeth and of its bearings; it can lock itself.
+    """Gear without inertia that loses torque to the friction of its teeth and bearings; it can be self-locking.
 
     `flange_a.phi = ratio*flange_b.phi` and `flange_b.tau = -ratio*(flange_a.tau - tauLoss)`. With x = flange_a.tau, the
-    lost torque of forward motion is `(1 - eta_mf1)*x + tau_bf1` where flange_a drives (x > 0), and
-    `(1 - 1/eta_mf2)*x + tau_bf2` where flange_b does; of backward motion the other way round, with the bearing friction
-    of the other sign. At standstill it is whatever keeps the gear still, between these two.
+    lost torque of forward motion is `(1 - eta_mf1)*x + tau_bf1` if flange_a drives (x > 0), and
+    `(1 - 1/eta_mf2)*x + tau_bf2` if flange_b does. For backward motion the two cases are exchanged, and the bearing
+    friction has the opposite sign. At standstill it is the torque between these limits that keeps the gear at rest.
     """
 
     BACKWARD: ClassVar[int] = -1
@@ -49,7 +49,7 @@ class LossyGear(PartialTwoFlanges):
     FORWARD: ClassVar[int] = 1
     UNKNOWN: ClassVar[int] = 3
 
-    ratio: Real = parameter(unit="1", doc="Speed of flange_a over that of flange_b")
+    ratio: Real = parameter(unit="1", doc="Speed of flange_a divided by that of flange_b")
     lossTable: Losses = structural(
         doc="Rows (|w_a| [rad/s], eta_mf1, eta_mf2, |tau_bf1| [N.m], |tau_bf2| [N.m]), efficiencies in (0, 1]"
     )
@@ -57,9 +57,9 @@ class LossyGear(PartialTwoFlanges):
     phi_a: Real = variable(unit="rad", doc="Angle of flange_a")
     w_a: Real = variable(unit="rad/s", doc="Angular velocity of flange_a")
     a_a: Real = variable(unit="rad/s2", doc="Angular acceleration of flange_a")
-    tauLoss: Real = variable(unit="N.m", doc="Torque that is lost, at flange_a")
-    tauLossMax: Real = variable(unit="N.m", doc="Torque that is lost in forward motion")
-    tauLossMin: Real = variable(unit="N.m", doc="Torque that is lost in backward motion")
+    tauLoss: Real = variable(unit="N.m", doc="Lost torque, at flange_a")
+    tauLossMax: Real = variable(unit="N.m", doc="Lost torque of forward motion")
+    tauLossMin: Real = variable(unit="N.m", doc="Lost torque of backward motion")
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
     sa: Real = variable(unit="1", doc="Path: a torque [N.m] while stuck, else an acceleration [rad/s2] beyond the loss")
     startForward: Real = boolean(doc="w_a = 0, and forward motion begins")
@@ -72,14 +72,14 @@ class LossyGear(PartialTwoFlanges):
             if len(row) != 5 or not (0.0 < row[1] <= 1.0 and 0.0 < row[2] <= 1.0 and row[3] >= 0.0 and row[4] >= 0.0):
                 raise DeclarationError(
                     "AC130",
-                    f"lossTable: {row} is no row of losses",
+                    f"lossTable: {row} is not a row of losses",
                     help="give |w|, two efficiencies above 0 and at most 1, and two torques that are not negative",
                 )
         if all(row[1:] == (1.0, 1.0, 0.0, 0.0) for row in self.lossTable):
             raise DeclarationError(
                 "AC130",
                 "lossTable holds no losses",
-                cause="without any there is no standstill to be held",
+                cause="without losses the gear cannot be held at standstill",
                 help="use IdealGear",
             )
 
@@ -100,12 +100,12 @@ class LossyGear(PartialTwoFlanges):
         yield self.tauLossMax == where(x >= 0.0, driven + bearing1, driving + bearing2)
         yield self.tauLossMin == where(x >= 0.0, driving - bearing2, driven - bearing1)
 
-        sa = unitless(self.sa)  # a torque and an acceleration
+        sa = unitless(self.sa)  # a torque or an acceleration
         path = where(stuck, sa, 0.5 * (self.tauLossMax + self.tauLossMin))
         positive = where(forward | self.startForward | initial(), w, -self.w_small) > 0.0
         negative = where(backward | self.startBackward | initial(), w, self.w_small) < 0.0
-        # From one direction to the other by way of standstill: the path of a direction that is not the true one may lie
-        # beyond the loss of the other, so that they would lead to each other and never to what holds between them.
+        # The direction changes only via standstill: the path parameter of a wrong direction may exceed the loss of the
+        # other, so that the two would alternate and never reach the locked mode between them.
         breaks_forward = stuck & ~pre(self.startBackward) & (path > self.tauLossMax)
         breaks_backward = stuck & ~pre(self.startForward) & (path < self.tauLossMin)
         yield self.startForward == (breaks_forward | initial() & positive)

@@ -58,7 +58,7 @@ class RelSpeedSensor(PartialRelativeSensor):
 class TorqueSensor(PartialCutSensor):
     """Cut torque between two flanges: `tau = flange_a.tau`."""
 
-    tau: Real = signal_output(unit="N.m", doc="Torque that flange_a takes up and flange_b hands on")
+    tau: Real = signal_output(unit="N.m", doc="Torque transmitted from flange_a to flange_b")
 
     def equations(self) -> Equations:
         yield self.tau == self.flange_a.tau

@@ -71,7 +71,7 @@ class EddyCurrentTorque(PartialTorque):
     """Eddy current brake, excited by an input signal; its losses flow out of the heat port.
 
     `tau = 2*tau_nominal*exc^2*x/(1 + x^2)` with `x = w/w_nominal` at the reference temperature, where the torque is
-    largest at w_nominal; a warmer disc resists more, and turns faster for the same torque.
+    largest at w_nominal; a warmer disc has a higher resistance and turns faster for the same torque.
     """
 
     _to_be_connected = ("heatPort",)
@@ -85,11 +85,11 @@ class EddyCurrentTorque(PartialTorque):
         default=0.0, unit="1/K", doc="Relative rise of the resistance with temperature at 20 degC"
     )
     w: Real = variable(unit="rad/s", doc="Angular velocity of the flange")
-    tau: Real = variable(unit="N.m", doc="Torque that brakes")
+    tau: Real = variable(unit="N.m", doc="Braking torque")
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
 
     def equations(self) -> Equations:
-        # The coefficient at 20 degC, turned into the one at TRef.
+        # The coefficient at 20 degC, converted to that at TRef.
         alpha = self.alpha20 / (1.0 + self.alpha20 * (self.TRef - quantity(20.0, "degC")))
         warmer = 1.0 + alpha * (self.heatPort.T - self.TRef)
         x = self.w / (self.w_nominal * warmer)

@@ -10,7 +10,7 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 
 
 class HeatCapacitor(Component):
-    """Lumped body of one temperature; its start value is that of `T`."""
+    """Lumped body of uniform temperature; its start value is that of `T`."""
 
     port: HeatPort = HeatPort()
     C: Real = parameter(unit="J/K", min=0.0, doc="Heat capacity")
@@ -24,7 +24,7 @@ class HeatCapacitor(Component):
 
 
 class ThermalConductor(PartialElement1D):
-    """Conduction: heat flow in proportion to the difference of temperatures."""
+    """Conduction: heat flow proportional to the difference of temperatures."""
 
     G: Real = parameter(unit="W/K", min=0.0, doc="Thermal conductance")
 

@@ -31,7 +31,7 @@ class RelTemperatureSensor(Component):
 
 
 class HeatFlowSensor(Component):
-    """Heat flow rate through a connection; both sides have one temperature."""
+    """Heat flow rate through a connection; both sides have the same temperature."""
 
     port_a: HeatPort = HeatPort()
     port_b: HeatPort = HeatPort()

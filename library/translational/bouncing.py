@@ -9,9 +9,9 @@ from acausal.library.translational.interfaces import PartialRigid
 class BouncingMass(PartialRigid):
     """Sliding mass whose left end bounces off a fixed obstacle at `s_stop`.
 
-    At an impact the velocity v becomes -e*v: Newton's law of restitution, whose impact has no duration. Where the
-    rebound is slower than `v_rest` the mass comes to rest on the obstacle; it lifts off when what pushes it down, the
-    force `f_contact`, becomes a pull.
+    At an impact the velocity v becomes -e*v: Newton's law of restitution, with impacts of zero duration. If the rebound
+    is slower than `v_rest`, the mass comes to rest on the obstacle; it lifts off when the contact force `f_contact`
+    would become a pull.
     """
 
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
@@ -20,7 +20,7 @@ class BouncingMass(PartialRigid):
     v_rest: Real = parameter(default=1e-6, unit="m/s", min=0.0, doc="Slowest rebound; below it the mass rests")
     v: Real = variable(unit="m/s", prefer_state=True, doc="Absolute velocity")
     a: Real = variable(unit="m/s2", doc="Absolute acceleration")
-    f_contact: Real = variable(unit="N", doc="Force of the obstacle at rest; impacts are not part of it")
+    f_contact: Real = variable(unit="N", doc="Force of the obstacle at rest, without impacts")
     resting: Real = boolean(doc="The mass lies on the obstacle")
     bounces: Real = integer(doc="Number of impacts so far")
 

@@ -80,15 +80,15 @@ class SpringDamper(PartialCompliantWithRelativeStates):
 
 
 class Backlash(PartialCompliantWithRelativeStates):
-    """Spring and damper side by side, in series with a play of total width `b`: no force within the play.
+    """Spring and damper in parallel, in series with a backlash of total width `b`, within which there is no force.
 
-    The damping force is limited to the size of the spring force, so that the ends never pull.
+    The magnitude of the damping force is limited to that of the spring force, so that the ends never pull.
     """
 
     c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness of the ends")
     d: Real = parameter(unit="N.s/m", min=0.0, doc="Damping constant of the ends")
     b: Real = parameter(default=0.0, unit="m", min=0.0, doc="Total play")
-    s_rel0: Real = parameter(default=0.0, unit="m", doc="Distance in the middle of the play")
+    s_rel0: Real = parameter(default=0.0, unit="m", doc="Distance in the middle of the backlash")
     f_c: Real = variable(unit="N", doc="Spring force")
     f_d: Real = variable(unit="N", doc="Damping force")
     loss_power: Real = variable(unit="W", doc="Power turned into heat")
@@ -105,9 +105,9 @@ class Backlash(PartialCompliantWithRelativeStates):
 
 
 class ElastoGap(PartialCompliantWithRelativeStates):
-    """Spring and damper that act only while the flanges are nearer than `s_rel0`.
+    """Spring and damper that act only while the flanges are closer than `s_rel0`.
 
-    The damping force is limited to the size of the spring force, so that the contact never pulls.
+    The magnitude of the damping force is limited to that of the spring force, so that the contact never pulls.
     """
 
     c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness of the contact")

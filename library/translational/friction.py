@@ -1,4 +1,4 @@
-"""Dry friction that sticks: brake, guide and sliding mass between stops. Names as in Modelica.Mechanics.Translational.
+"""Dry friction with stiction: brake, guide, sliding mass between stops. Names as in Modelica.Mechanics.Translational.
 
 The state machine is that of `blocks/dry_friction.py`.
 """
@@ -31,12 +31,12 @@ from acausal.library.translational.interfaces import PartialRigid
 
 
 class PartialFriction(DryFriction):
-    """Element with dry friction; a subclass states `v_relfric`, `a_relfric`, `f0`, `f0_max` and `free`."""
+    """Element with dry friction; subclasses define `v_relfric`, `a_relfric`, `f0`, `f0_max` and `free`."""
 
     v_small: Real = parameter(
         default=1e10,
         unit="m/s",
-        doc="Speed beyond which sliding turns round without sticking; small only where resets make the speed jump",
+        doc="Speed beyond which sliding reverses without sticking; small only where resets make the speed jump",
     )
     v_relfric: Real = variable(unit="m/s", doc="Relative velocity of the surfaces")
     a_relfric: Real = variable(unit="m/s2", doc="Relative acceleration of the surfaces")
@@ -65,7 +65,9 @@ class Brake(PartialFriction, PartialGuided):
         default=((0.0, 0.5),), doc="Coefficient of friction over speed: points (v [m/s], mu), v >= 0"
     )
     peak: Real = parameter(default=1.0, unit="1", min=1.0, doc="Stuck force over sliding force at v = 0")
-    cgeo: Real = parameter(default=1.0, unit="1", min=0.0, doc="Number of surfaces, by their share of the force")
+    cgeo: Real = parameter(
+        default=1.0, unit="1", min=0.0, doc="Number of surfaces, weighted by their fraction of the force"
+    )
     fn_max: Real = parameter(unit="N", min=0.0, doc="Largest normal force")
     f_normalized: Real = signal_input(unit="1", doc="Normal force over fn_max; none acts where it is not positive")
     fn: Real = variable(unit="N", doc="Normal force")
@@ -122,8 +124,8 @@ class MassWithStopAndFriction(PartialFriction, PartialRigid):
     m: Real = parameter(unit="kg", min=0.0, doc="Mass")
     F_prop: Real = parameter(default=1.0, unit="N.s/m", min=0.0, doc="Friction proportional to the velocity")
     F_Coulomb: Real = parameter(default=5.0, unit="N", min=0.0, doc="Constant friction")
-    F_Stribeck: Real = parameter(default=10.0, unit="N", min=0.0, doc="Friction that fades away with the velocity")
-    fexp: Real = parameter(default=2.0, unit="s/m", min=0.0, doc="How fast F_Stribeck fades away")
+    F_Stribeck: Real = parameter(default=10.0, unit="N", min=0.0, doc="Friction that decays with the velocity")
+    fexp: Real = parameter(default=2.0, unit="s/m", min=0.0, doc="Rate of decay of F_Stribeck")
     smax: Real = parameter(default=25.0, unit="m", doc="Right stop, for the right end of the mass")
     smin: Real = parameter(default=-25.0, unit="m", doc="Left stop, for the left end of the mass")
     v: Real = variable(unit="m/s", prefer_state=True, doc="Absolute velocity")
@@ -138,7 +140,7 @@ class MassWithStopAndFriction(PartialFriction, PartialRigid):
         return self.s < self.smax - half, self.s > self.smin + half
 
     def equations(self) -> Equations:
-        yield assert_(self.smin + self.L <= self.smax, "the mass is longer than the way between its stops")
+        yield assert_(self.smin + self.L <= self.smax, "the mass is longer than the distance between its stops")
         ahead, behind = self.may_move()
         half = self.L / 2.0
         yield self.v == der(self.s)

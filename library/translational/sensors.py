@@ -58,7 +58,7 @@ class RelSpeedSensor(PartialRelativeSensor):
 class ForceSensor(PartialCutSensor):
     """Cut force between two flanges: `f = flange_a.f`."""
 
-    f: Real = signal_output(unit="N", doc="Force that flange_a takes up and flange_b hands on")
+    f: Real = signal_output(unit="N", doc="Force transmitted from flange_a to flange_b")
 
     def equations(self) -> Equations:
         yield self.f == self.flange_a.f

@@ -231,7 +231,7 @@ def test_a_vector_of_gravity_in_the_field_of_a_point_mass_is_refused_and_not_ign
         Near(body=PointMass(g_0=(0.0, 0.0, -3.0), **start)),
         Near(world=World(g_0=(0.0, 0.0, -3.0), gravity=point_field(8.0)), body=PointMass(**start)),
     ):
-        with pytest.raises(DeclarationError, match="g_0 is given, and has no effect"):
+        with pytest.raises(DeclarationError, match="g_0 is given, but has no effect"):
             acausal.compile(wrong)
     body = PointMass(g_0=(0.0, 0.0, -3.0), gravity=uniform_field, **start)
     result = acausal.simulate(Near(body=body), stop_time=1.0)

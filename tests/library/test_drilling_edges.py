@@ -127,7 +127,7 @@ def test_a_drill_moved_towards_the_side_of_a_body_is_told_what_will_be_wrong(lev
     assert told(r) == pytest.approx([(0.03 - RADIUS) / 4e-3], abs=LATE)
     (note,) = [n for n in r.stats["notes"] if "AC191" in n]  # type: ignore[attr-defined]
     assert note.startswith("t = 5.5")
-    for word in ("drill.geometry", f"in {level.name}", "beside the body there is none", "move sideways"):
+    for word in ("drill.geometry", f"in {level.name}", "there is no force", "move sideways"):
         assert word in note
 
 

@@ -57,7 +57,7 @@ GOOD = f"C45,2220 N/mm2,0.14,{SOURCE}\n"
 # code, text of the table, what the message says, line and column (from 1) that it names
 BAD = [
     ("AC071", f"name,k_c11,source\nC45,2220 N/mm2,{SOURCE}\n", "'z' is missing", (2, 1)),
-    ("AC071", f"name,k_c11,zz,source\n{GOOD}", "'zz' is no column", (2, 16)),
+    ("AC071", f"name,k_c11,zz,source\n{GOOD}", "'zz' is not a column", (2, 16)),
     ("AC072", f"name,k_c11,z,source\nC45,hard,0.14,{SOURCE}\n", "is not a number", (2, 5)),
     ("AC072", f"name,k_c11,z,source\nC45,2220 N,0.14,{SOURCE}\n", "does not fit", (2, 5)),
     ("AC072", f"name,k_c11,z,source\nC45,-1 N/mm2,0.14,{SOURCE}\n", "k_c11 of 'C45' is -1e+06 Pa", (2, 5)),

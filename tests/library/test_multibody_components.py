@@ -96,7 +96,7 @@ def test_every_declaration_says_what_it_is(cls: type[Component]) -> None:
 
 @pytest.mark.parametrize("joint", [Revolute, Prismatic])
 def test_an_axis_without_direction_is_refused(joint: type[Component]) -> None:
-    with pytest.raises(DeclarationError, match=r"n = \(0.0, 0.0, 0.0\) gives no direction") as caught:
+    with pytest.raises(DeclarationError, match=r"n = \(0.0, 0.0, 0.0\) does not define a direction") as caught:
         joint(n=(0.0, 0.0, 0.0))
     assert caught.value.code == "AC130"
 

@@ -1,4 +1,4 @@
-"""Joints as conditions: for bodies that have coordinates of their own, and for closing loops."""
+"""Joints as constraints, for bodies with independent coordinates and for closing loops."""
 
 from __future__ import annotations
 

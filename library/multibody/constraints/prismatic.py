@@ -1,4 +1,4 @@
-"""Parallel frames whose distance may change along chosen axes only."""
+"""Constraint of parallel frames whose offset may change only along selected axes."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ class PrismaticConstraint(PartialTwoFrames):
     (Modelica.Mechanics.MultiBody.Joints.Constraints.Prismatic.)
     """
 
-    locked: tuple[bool, bool, bool] = structural(default=(False, True, True), doc="Which of x, y, z of frame_a")
-    f_c: Real = variable(unit="N", shape=3, doc="Constraint force on the part behind frame_b, in frame_a")
+    locked: tuple[bool, bool, bool] = structural(
+        default=(False, True, True), doc="Whether x, y, z of frame_a are locked"
+    )
+    f_c: Real = variable(unit="N", shape=3, doc="Constraint force on the part at frame_b, in frame_a")
     t_c: Real = variable(unit="N.m", shape=3, doc="Constraint torque at frame_b, in frame_a")
 
     def equations(self) -> Equations:

@@ -1,4 +1,4 @@
-"""The revolute joint as five conditions between two bodies that have their own coordinates."""
+"""The revolute joint as five conditions between two bodies with independent coordinates."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from acausal.library.multibody.rotations import relative_rotation
 class RevoluteConstraint(PartialTwoFrames):
     """The origins coincide, and the axis `n` has the same direction in both frames.
 
-    It relates no orientations in the tree of frames, so it closes a loop without a cut, or guides a free body.
+    It does not relate the orientations in the tree of frames, so it closes a loop without a cut, or guides a free body.
     (Modelica.Mechanics.MultiBody.Joints.Constraints.Revolute.)
     """
 
     n: Vector = structural(default=(0.0, 0.0, 1.0), doc="Axis of rotation, in frame_a and frame_b")
-    f_c: Real = variable(unit="N", shape=3, doc="Constraint force on the part behind frame_b, in frame_a")
+    f_c: Real = variable(unit="N", shape=3, doc="Constraint force on the part at frame_b, in frame_a")
     t_c: Real = variable(unit="N.m", shape=2, doc="Constraint torque along two axes across n, in frame_a")
 
     def build(self) -> None:

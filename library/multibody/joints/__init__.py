@@ -1,4 +1,4 @@
-"""Joints: which relative motions of two frames are free."""
+"""Joints, which constrain the relative motion of two frames."""
 
 from __future__ import annotations
 

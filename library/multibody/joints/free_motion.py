@@ -8,9 +8,9 @@ from acausal.library.multibody.rotations import quaternion_rates, quaternion_rot
 
 
 class FreeMotion(PartialJoint):
-    """Six degrees of freedom of frame_b against frame_a, with states relative to frame_a.
+    """Six degrees of freedom of frame_b relative to frame_a, with states relative to frame_a.
 
-    Use it to give the motion of a body against a moving frame; a body in nothing but the world needs no joint.
+    Use it to state the motion of a body relative to a moving frame; motion relative to the world needs no joint.
     Start values: `r_rel_a`, `v_rel_a`, `Q`, `w_rel_b`.
     """
 
@@ -21,16 +21,16 @@ class FreeMotion(PartialJoint):
         doc="From frame_a to frame_b, in frame_a",
         hint="nothing with mass moves with frame_b; connect a Body there",
     )
-    v_rel_a: Real = variable(unit="m/s", shape=3, prefer_state=True, doc="Its rate of change, in frame_a")
+    v_rel_a: Real = variable(unit="m/s", shape=3, prefer_state=True, doc="Rate of r_rel_a, in frame_a")
     Q: Real = variable(
         unit="1",
         shape=4,
         prefer_state=True,
         default=guess((0.0, 0.0, 0.0, 1.0)),
-        doc="Quaternion of frame_b against frame_a, vector part first",
+        doc="Quaternion of frame_b relative to frame_a, vector part first",
     )
     w_rel_b: Real = variable(
-        unit="rad/s", shape=3, prefer_state=True, doc="Angular velocity of frame_b against frame_a, in frame_b"
+        unit="rad/s", shape=3, prefer_state=True, doc="Angular velocity of frame_b relative to frame_a, in frame_b"
     )
 
     def equations(self) -> Equations:

@@ -13,8 +13,8 @@ from acausal.library.rotational import IdealGear
 class GearConstraint(Component):
     """Ideal gear between two shafts that turn in a common bearing: `phi_a == ratio * phi_b`.
 
-    The bearing takes the difference of the torques. Start values and drives: those of `revolute_a` and `revolute_b`,
-    one of the two. (Modelica.Mechanics.MultiBody.Joints.GearConstraint.)
+    The bearing takes the difference of the torques. Start values and drives belong to either `revolute_a` or
+    `revolute_b`. (Modelica.Mechanics.MultiBody.Joints.GearConstraint.)
     """
 
     frame_a: Frame = Frame()
@@ -24,7 +24,7 @@ class GearConstraint(Component):
     n_b: Vector = structural(default=(1.0, 0.0, 0.0), doc="Axis of shaft b, in bearing")
     r_a: Real = parameter(default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="From bearing to shaft a, in bearing")
     r_b: Real = parameter(default=(0.0, 0.0, 0.0), unit="m", shape=3, doc="From bearing to shaft b, in bearing")
-    ratio: Real = parameter(unit="1", doc="Angle of shaft a over angle of shaft b")
+    ratio: Real = parameter(unit="1", doc="Angle of shaft a divided by that of shaft b")
     revolute_a: Revolute = part()
     revolute_b: Revolute = part()
     gear: IdealGear = part()

@@ -9,10 +9,10 @@ from acausal.library.multibody.rotations import relative_rotation
 
 
 class RevolutePlanarLoopConstraint(PartialTwoFrames):
-    """Revolute joint about `n` that closes a planar loop: it states two conditions on positions in the plane.
+    """Revolute joint about `n` that closes a planar loop: it imposes two conditions on positions in the plane.
 
-    In a planar loop of revolute and prismatic joints, three of the five conditions of the closing joint are met by
-    the others already; stated twice, their forces could not be determined. Use this joint once per planar loop.
+    In a planar loop of revolute and prismatic joints, three of the five conditions of the closing joint already follow
+    from the other joints; imposed twice, their forces would be undetermined. Use this joint once per planar loop.
     """
 
     n: Vector = structural(default=(0.0, 0.0, 1.0), doc="Axis of rotation, normal to the plane, in frame_a")

@@ -11,10 +11,10 @@ _MASS = "the {} of the joint cannot be determined: does a body with mass move wi
 
 
 class Prismatic(PartialAligned):
-    """Prismatic joint: frame_b moves against frame_a along the axis `n`, without rotation.
+    """Prismatic joint: frame_b moves relative to frame_a along the axis `n`, without rotation.
 
-    A drive goes to the flange `axis`, against the flange `support`, which is at rest; with nothing connected, the
-    joint moves freely. Start values: `s`, `v`.
+    A drive is connected to the flange `axis`; the flange `support` is fixed. With nothing connected, the joint moves
+    freely. Start values: `s`, `v`.
     """
 
     axis: Flange = Flange()

@@ -12,10 +12,10 @@ _MASS = "the {} of the joint cannot be determined: does a body with inertia abou
 
 
 class Revolute(PartialJoint):
-    """Revolute joint: frame_b turns against frame_a about the axis `n`.
+    """Revolute joint: frame_b turns relative to frame_a about the axis `n`.
 
-    A drive goes to the flange `axis`, against the flange `support`, which is at rest; with nothing connected, the
-    joint turns freely. Start values: `phi`, `w`.
+    A drive is connected to the flange `axis`; the flange `support` is fixed. With nothing connected, the joint turns
+    freely. Start values: `phi`, `w`.
     """
 
     axis: Flange = Flange()

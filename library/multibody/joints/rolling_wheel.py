@@ -9,11 +9,11 @@ from acausal.library.multibody.rotations import resolve_in_frame, resolve_in_wor
 
 
 class RollingWheel(Component):
-    """Contact of a thin wheel with the plane through the world's origin: it touches, and it does not slip.
+    """Contact of a thin wheel with the plane through the world's origin, without lift-off or slip.
 
-    frame_a is the centre of the wheel, its y axis the axle. The plane holds the wheel from both sides and with any
-    friction: look at `f_n` and at the other forces to see whether a real one would. Not defined where the wheel lies
-    flat. (Modelica.Mechanics.MultiBody.Joints.RollingWheel; here the body's own coordinates are used.)
+    frame_a is the centre of the wheel, its y axis the axle. The plane can pull as well as push, with unlimited
+    friction: `f_n` and the other forces show whether a real plane could. Singular where the wheel lies flat.
+    (Modelica.Mechanics.MultiBody.Joints.RollingWheel; here the coordinates are those of the body.)
     """
 
     frame_a: Frame = Frame()

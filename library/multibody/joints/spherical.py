@@ -9,8 +9,8 @@ from acausal.library.multibody.interfaces import PartialTwoFrames
 class Spherical(PartialTwoFrames):
     """Spherical joint: the origins of both frames coincide, the rotation is free, and the joint has no states.
 
-    The two frames are not tied in orientation, so that the body behind the joint becomes a root with a quaternion,
-    and a loop closed by this joint needs no cut. (Modelica's Spherical with enforceStates=false.)
+    The orientations of the two frames are independent, so that the body attached to the joint becomes a root with a
+    quaternion, and a loop closed by this joint needs no cut. (Modelica's Spherical with enforceStates=false.)
     """
 
     def equations(self) -> Equations:

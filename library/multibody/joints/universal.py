@@ -14,7 +14,7 @@ from acausal.library.multibody.orientation import Vector, unit_vector
 class Universal(PartialTwoFrames):
     """Universal joint: rotation about `n_a`, fixed in frame_a, then about `n_b`, fixed in frame_b; both perpendicular.
 
-    Start values: `phi_a`, `phi_b`, `w_a`, `w_b`. Drives go to `revolute_a.axis` and `revolute_b.axis`.
+    Start values: `phi_a`, `phi_b`, `w_a`, `w_b`. Drives are connected to `revolute_a.axis` and `revolute_b.axis`.
     """
 
     n_a: Vector = structural(default=(1.0, 0.0, 0.0), doc="First axis, in frame_a")
