@@ -1,4 +1,4 @@
-"""A ball that bounces until it lies still."""
+"""A ball that bounces until it comes to rest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from acausal import (
 class BouncingBall(Component):
     """A ball that falls on a floor and bounces with the coefficient of restitution `e`.
 
-    Flights last 2*v/g, each shorter than the one before: they accumulate at t = sqrt(2*h0/g)*(1 + e)/(1 - e), 2.56 s
+    The times between bounces, 2*v/g, decrease: the bounces accumulate at t = sqrt(2*h0/g)*(1 + e)/(1 - e), 2.56 s
     with the values below, and from then on the ball lies on the floor.
     """
 

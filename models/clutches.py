@@ -62,8 +62,8 @@ class ThreeClutchDrive(Component):
 class ClutchChain(Component):
     """`n` engaged clutches between `n + 1` inertias at rest; a sinusoidal torque acts on the first.
 
-    Each clutch is pressed less than the one before, so that it cannot hold what the inertias behind it need: they break
-    loose one after the other, from the far end on, and stick again when the torque turns round.
+    Each clutch is pressed less than the one before, so that it cannot transmit the torque that the inertias beyond it
+    need: they break loose one after the other, from the far end on, and stick again when the torque reverses.
     """
 
     n: int = structural(default=10, doc="Number of clutches")

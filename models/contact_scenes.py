@@ -34,7 +34,7 @@ UP = (0.0, 0.0, 1.0)
 class BoxStack(Component):
     """A stack of slightly rotated and shifted boxes, released 1 mm above one another.
 
-    Nobody says which box touches which. They settle within half a second, and stand.
+    The scene finds the contacts by itself. The boxes settle within half a second and stay in place.
     """
 
     n: int = structural(default=5, doc="Number of boxes")
@@ -103,8 +103,9 @@ def _total(terms: list[Expr]) -> Expr:
 class StackedPlates(Component):
     """A drill goes through two plates with a gap between them, the lower one on a spring.
 
-    The feed is a constant force against a damper, which caps the surge when the drill breaks through. All that the
-    sources give is cut, damped or stored: `balance.residual`. The bench is in the scene, but out of reach.
+    The feed is a constant force against a damper, which limits the surge when the drill breaks through. All work of the
+    sources is spent on cutting, damped or stored; `balance.residual` checks this. The bench is part of the scene, but
+    out of reach.
     """
 
     F: Real = parameter(default=1500.0, unit="N", doc="Feed force")
@@ -195,9 +196,9 @@ class StackedPlates(Component):
 class HolesSideBySide(Component):
     """A drill on a gantry drills a hole, a second one beside it, and then deepens the first.
 
-    The feed is a given motion, so the force follows. Nobody says which of the plates is drilled, nor where: there are
-    `n` of them, and only those that the drill is near are in the equations. The balance leaves out the kinetic energy:
-    where the given motion has a corner, the drives exchange it in impulses.
+    The motion is prescribed, and the force follows. The scene finds the plate that is drilled, and where: of the `n`
+    plates, only those near the drill are in the equations. The balance leaves out the kinetic energy, which the drives
+    exchange in impulses where the prescribed motion has a corner.
     """
 
     n: int = structural(default=100, doc="Number of plates in a row")

@@ -1,4 +1,4 @@
-"""Two hinged bars: the smallest mechanism that moves chaotically."""
+"""Two hinged bars: a minimal mechanism with chaotic motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Breakthrough under a constant force: how fast the drill shoots through, with and without a feed cap."""
+"""Breakthrough under a constant force: the surge of the drill with and without a feed cap."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ NO_CAP = 1e3
 class ConstantForceDrilling(Component):
     """A drill under a constant force through a plate; the feed cap brakes it above `v_max`.
 
-    It starts at rest, inside of the hole it has drilled already, `depth_start` deep and at full diameter. Behind the
-    plate it runs onto a depth stop, `clearance` beyond the position at which the full diameter is through.
+    It starts at rest inside the hole that it has already drilled, `depth_start` deep and at full diameter. Beyond the
+    plate it hits a depth stop, `clearance` after the full diameter is through.
     """
 
     F: Real = parameter(default=2000.0, unit="N", min=0.0, doc="Force on the drill along its axis")
@@ -28,7 +28,7 @@ class ConstantForceDrilling(Component):
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its spindle")
     t: Real = parameter(default=10e-3, unit="m", min=1e-6, doc="Thickness of the plate")
     depth_start: Real = parameter(default=8e-3, unit="m", min=0.0, doc="Depth of the hole at the start")
-    clearance: Real = parameter(default=0.2e-3, unit="m", min=0.0, doc="From the full diameter through to the stop")
+    clearance: Real = parameter(default=0.2e-3, unit="m", min=0.0, doc="Travel from full diameter through to the stop")
 
     world: World = part()
     slide: Prismatic = part()
@@ -88,8 +88,8 @@ class ConstantForceDrilling(Component):
 class BreakthroughSurge(Component):
     """Two equal drills under the same force break through: `free`, and `capped` to a feed rate.
 
-    As the cone leaves the plate, the same force presses on less and less width. The free drill surges, held by its
-    inertia alone, until it hits the depth stop.
+    As the cone leaves the plate, the same force acts on an ever smaller width. The free drill surges, limited only by
+    its inertia, until it hits the depth stop.
     """
 
     F: Real = parameter(default=2000.0, unit="N", min=0.0, doc="Force on both drills along their axes")

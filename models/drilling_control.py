@@ -39,14 +39,14 @@ SIN_KAPPA = math.sin(math.radians(59.0))
 class ForceControlledDrilling(Component):
     """A controller drills through two plates with a gap between them at constant thrust.
 
-    The controller feels its way to the first plate, holds the thrust, notices that the drill is through when the
-    thrust breaks down although the feed is at its cap, goes on until the full diameter is through and retracts. A
-    real spindle turns the drill: its speed drops a little under the torque of the cut. `process_time` is the time of
-    all of it, 0 until the drill is back.
+    The controller approaches the first plate, holds the thrust, detects the breakthrough when the thrust collapses
+    although the feed is at its cap, continues until the full diameter is through, and retracts. The drill is turned by
+    a spindle drive, whose speed drops slightly under the torque of the cut. `process_time` is the total time, 0 until
+    the drill is back.
     """
 
     F_set: Real = parameter(default=3000.0, unit="N", min=0.0, doc="Thrust to hold")
-    n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Wanted rotational speed")
+    n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Set point of the rotational speed")
     t_1: Real = parameter(default=10e-3, unit="m", min=1e-6, doc="Thickness of the upper plate")
     t_2: Real = parameter(default=10e-3, unit="m", min=1e-6, doc="Thickness of the lower plate")
     plate_gap: Real = parameter(default=1e-3, unit="m", min=0.0, doc="Gap between the plates")
@@ -107,7 +107,7 @@ class ForceControlledDrilling(Component):
         ]
         self.spindle = Spindle(tau_max=40.0, w_ref=2 * math.pi * self.n)
         expected = feed_rate_under(self.F_set, self.n, tool=TWIST_DRILL_16MM, material=STEEL_34CRMO4, factor=SIN_KAPPA)
-        # the thrust is proportional to k_c11 f**(1 - z); the exponent of steel is accurate enough for a gain
+        # The thrust is proportional to k_c11 f**(1 - z); the exponent of steel is accurate enough for a gain.
         expected = expected * (self.k_steel / self.k_c11) ** (1 / (1 - STEEL_34CRMO4.z))
         self.control = ForceControl(F_set=self.F_set, v_nominal=expected, overrun=6e-3, s_start=-self.gap)
         self.feed = FeedDrive(f_max=10e3)

@@ -1,4 +1,4 @@
-"""Drilling into a thick block with a given force: the dynamic scene of the founding paper."""
+"""Drilling into a thick block with a prescribed force: the dynamic scene of the founding paper."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ SPEED: Points = (
 
 
 class ThickBlock(Component):
-    """A drill in a steel block under given force and speed: pressed without rotation, drilling, at rest again.
+    """A drill in a steel block under prescribed force and speed: pressed without rotation, drilling, at rest again.
 
-    Composed as Figure 5 of the founding paper, section 3.2: a force and an angular velocity source move the drill on
-    a prismatic and a revolute joint; the drilling force acts between the drill and the block. The paper prints
-    neither mass, stiffness, damping nor the profiles; docs/drilling.md says how they were chosen. No gravity.
+    Composed as in Figure 5 of the founding paper, section 3.2: a force and an angular velocity source move the drill on
+    a prismatic and a revolute joint; the drilling force acts between the drill and the block. The paper states neither
+    mass, stiffness, damping nor the profiles; docs/drilling.md explains their choice. There is no gravity.
     """
 
     force_profile: Points = structural(default=FORCE, doc="Rows (time [s], force [N]), straight in between")

@@ -1,4 +1,4 @@
-"""Drilling through a thin plate with given feed rate and rotation: the kinematic scene of the founding paper."""
+"""Drilling through a thin plate at prescribed feed rate and rotation: the kinematic scene of the founding paper."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class ThinPlate(Component):
     """A 16 mm drill with prescribed feed goes through a plate thinner than its cone.
 
     Section 3.1 of the founding paper: n = 9.28 1/s, v = 1.672 mm/s, 34CrMo4. The first touch is at time 0. While
-    both ends of the cone's engaged part move, the forces stay constant although the diameters grow.
+    both ends of the engaged part of the cone move, the forces stay constant although the diameters grow.
     """
 
     n: Real = parameter(default=9.28, unit="1/s", doc="Rotational speed")

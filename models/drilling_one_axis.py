@@ -1,4 +1,4 @@
-"""The dynamic drilling scene written by hand for one axis: what `acausal reduce` must find in the one of bodies."""
+"""The dynamic drilling scene written by hand for one axis: the result to which `acausal reduce` is compared."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from acausal.models.drilling_dynamic import FORCE, SPEED, Points
 
 
 class OneAxisDrilling(Component):
-    """A drill with one degree of freedom in a block; the states are depth, speed and ground of the hole.
+    """A drill with one degree of freedom in a block; the states are depth, speed and bottom of the hole.
 
-    The equations of `ThickBlock`, docs/drilling.md, for a motion along the drill axis, with its numbers: no frames, no
-    bodies, no angle of the spindle.
+    The equations and parameter values of `ThickBlock` (docs/drilling.md) for motion along the drill axis: without
+    frames, bodies and the angle of the spindle.
     """
 
     force_profile: Points = structural(default=FORCE, doc="Rows (time [s], force [N]), straight in between")
@@ -54,7 +54,9 @@ class OneAxisDrilling(Component):
     h_min: Real = parameter(default=1e-6, unit="m", min=0.0, doc="Chip thickness below which k_c stays constant")
     k: Real = parameter(default=1e8, unit="N/m", min=0.0, doc="Stiffness of the contact")
     d_c: Real = parameter(default=2e4, unit="N.s/m", min=0.0, doc="Damping of the contact")
-    w_min: Real = parameter(default=1e-9, unit="m", min=0.0, doc="Engaged width of a force that is not full yet")
+    w_min: Real = parameter(
+        default=1e-9, unit="m", min=0.0, doc="Engaged width below which the force is less than full"
+    )
 
     force_table: TimeTable = part()
     speed_table: TimeTable = part()
@@ -63,7 +65,7 @@ class OneAxisDrilling(Component):
     n: Real = variable(unit="1/s", doc="Rotational speed, without sign")
     s: Real = variable(unit="m", doc="Depth of the tip behind the entry face")
     v: Real = variable(unit="m/s", doc="Rate of the depth")
-    s_tar: Real = variable(unit="m", nominal=1e-3, default=fixed(0.0), doc="Ground of the hole")
+    s_tar: Real = variable(unit="m", nominal=1e-3, default=fixed(0.0), doc="Depth of the hole")
     width: Real = variable(unit="m", doc="Difference of the diameters between which the edges cut")
     f_z: Real = variable(unit="m", doc="Feed per edge and revolution")
     k_c: Real = variable(unit="Pa", doc="Specific cutting force")
@@ -99,15 +101,15 @@ class OneAxisDrilling(Component):
 
         yield der(self.s) == self.v
         yield self.m * der(self.v) == self.F - self.F_f
-        # no event at the touch, because the force grows continuously from zero
+        # No event at the touch, because the force grows continuously from zero.
         yield der(self.s_tar) == where(no_event(self.s > 0), self.z_E * self.n * self.f_z, 0.0)
         yield assert_(
             ~initial() | no_event((self.s < self.d / 100) | (self.k * self.s < edges * self.d * self.k_c11 * self.h_1)),
-            "the drill starts inside of the material: move it back",
+            "the drill starts inside the material: move it back",
         )
 
     def feed_under(self, force: Expr, edge: Expr) -> Expr:
-        """Feed per edge [m] at which edges and damper take up `force` [N]; see `DrillContactForce.feed_under`."""
+        """Feed per edge [m] at which edges and damper take up `force` [N]."""
         slowest = self.h_min / sin(self.sigma / 2)
         damper = self.d_c * self.z_E * self.n
         f = minimum(self.feed(force / 2 / edge), force / 2 / maximum(damper, 1e-6))
@@ -118,7 +120,7 @@ class OneAxisDrilling(Component):
         return f
 
     def feed(self, x: Expr) -> Expr:
-        """Feed per edge [m] of `x = f_z k_c(f_z)` [N/m]; see `DrillContactForce.feed`."""
+        """Feed per edge [m] of `x = f_z k_c(f_z)` [N/m]."""
         share = x / (self.k_c11 * self.h_1)
         power = maximum(share * sin(self.sigma / 2) ** self.z, 1e-300) ** (1 / (1 - self.z))
         return self.h_1 * maximum(power, share * (self.h_min / self.h_1) ** self.z)

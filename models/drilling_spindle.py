@@ -13,14 +13,14 @@ from acausal.library.multibody import Body, Prismatic, Revolute, World
 class SpindleStall(Component):
     """A drill at constant feed stalls, because the motor is too weak for the full diameter.
 
-    While the cone enters, the torque grows with the square of the diameter. Once the motor is at its limit the
-    spindle slows down; the same feed rate then means more feed per revolution, thicker chips and more torque, so that
-    the slowing down feeds itself until the spindle stands and the feed drive reaches its force limit. With
-    `--set feed_rate=0.5mm/s` the torque stays below the limit and nothing stalls.
+    While the cone enters, the torque grows with the square of the diameter. Once the motor reaches its limit, the
+    spindle slows down; the same feed rate then means more feed per revolution, thicker chips and more torque, which
+    slows it down further until it stops and the feed drive reaches its force limit. With
+    `--set feed_rate=0.5mm/s` the torque stays below the limit and the spindle does not stall.
     """
 
-    n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Wanted rotational speed")
-    feed_rate: Real = parameter(default=1.5e-3, unit="m/s", doc="Wanted feed rate")
+    n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Set point of the rotational speed")
+    feed_rate: Real = parameter(default=1.5e-3, unit="m/s", doc="Set point of the feed rate")
     gap: Real = parameter(default=5e-4, unit="m", doc="Distance from the tip to the block at the start")
     m: Real = parameter(default=5.0, unit="kg", min=0.0, doc="Mass of the drill with its chuck")
 

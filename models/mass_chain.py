@@ -1,4 +1,4 @@
-"""Chain of masses of any length: the mechanical model on which the compiler's cost is measured."""
+"""Chain of masses of any length: a mechanical benchmark of the compiler."""
 
 from __future__ import annotations
 

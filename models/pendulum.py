@@ -11,7 +11,7 @@ from acausal.library.multibody import Body, Revolute, World
 class Pendulum(Component):
     """Physical pendulum, released from the horizontal.
 
-    The body is described in three dimensions; the compiler finds that only the angle and its rate move.
+    The body is described in three dimensions; the compiler reduces it to the angle and its rate.
     """
 
     m: Real = parameter(default=1.0, unit="kg", min=0.0, doc="Mass")

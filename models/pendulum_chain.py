@@ -1,4 +1,4 @@
-"""A chain of hinged links of any length, for measuring how the compiler grows."""
+"""A chain of hinged links of any length: a multibody benchmark of the compiler."""
 
 from __future__ import annotations
 

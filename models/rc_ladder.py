@@ -1,4 +1,4 @@
-"""RC ladder of any length: the model on which the compiler's cost per equation is measured."""
+"""RC ladder of any length: a benchmark of the compiler's cost per equation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bridges of ideal diodes and thyristors: all switches of a circuit decide together."""
+"""Bridges of ideal diodes and thyristors, whose switches are determined simultaneously."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from acausal.library.electrical import (
 class BridgeRectifier(Component):
     """Full-wave rectifier: four ideal diodes, a smoothing capacitor and a resistor.
 
-    The capacitor charges along the rectified wave until the current of the bridge ends, then it feeds the resistor
-    alone, twice in every period.
+    Twice in every period, the capacitor charges along the rectified wave until the current of the bridge ends; then it
+    alone feeds the resistor.
     """
 
     V: Real = parameter(default=math.sqrt(2.0) * 110.0, unit="V", doc="Amplitude of the source")
@@ -73,7 +73,7 @@ class SCRBridge(Component):
     f: Real = parameter(default=50.0, unit="Hz", doc="Frequency of the source")
     R: Real = parameter(default=1.0, unit="Ohm", min=0.0, doc="Load")
     L: Real = parameter(default=10e-3, unit="H", min=0.0, doc="Inductance of the load")
-    delay: Real = parameter(default=1.5e-3, unit="s", min=0.0, doc="From a zero crossing to the firing")
+    delay: Real = parameter(default=1.5e-3, unit="s", min=0.0, doc="Time from a zero crossing to the firing")
     source: SineVoltage = part()
     thyristor_p1: IdealThyristor = part(doc="From the line to dc+")
     thyristor_p2: IdealThyristor = part(doc="From the return to dc+")

@@ -12,8 +12,8 @@ from acausal.library.rotational import Inertia, LinearSpeedDependentTorque, Spee
 class SampledSpeedControl(Component):
     """A PI controller sampled at 1 kHz holds the speed of a motor and a load on a stiff shaft.
 
-    The shaft rings at 14 kHz and dies out within microseconds of each step of the torque: the clock, not the shaft, is
-    to decide how many steps a solver takes.
+    The shaft oscillates at 14 kHz, which decays within microseconds after each step of the torque: the clock, not the
+    shaft, should determine the number of steps that a solver takes.
     """
 
     c: Real = parameter(default=1e7, unit="N.m/rad", min=0.0, doc="Stiffness of the shaft")

@@ -20,13 +20,15 @@ from acausal.library.electrical import (
 class BuckConverter(Component):
     """Step-down converter: a switch and a freewheeling diode chop the supply, a filter smooths it.
 
-    While its current never ends the output is `duty` times the supply, with a ripple of the current of
+    In continuous conduction the output is `duty` times the supply, and the ripple of the current is
     V*duty*(1 - duty)/(L*f).
     """
 
     V: Real = parameter(default=24.0, unit="V", doc="Supply")
     f: Real = parameter(default=10e3, unit="Hz", doc="Switching frequency")
-    duty: Real = parameter(default=0.5, unit="1", min=0.0, max=1.0, doc="Share of the period in which the switch is on")
+    duty: Real = parameter(
+        default=0.5, unit="1", min=0.0, max=1.0, doc="Fraction of the period in which the switch is on"
+    )
     L: Real = parameter(default=1e-3, unit="H", min=0.0, doc="Inductance of the filter")
     C: Real = parameter(default=100e-6, unit="F", min=0.0, doc="Capacitance of the filter")
     R: Real = parameter(default=6.0, unit="Ohm", min=0.0, doc="Load")

@@ -11,7 +11,7 @@ from acausal.library.translational import Fixed, Flange, Mass, SpringDamper
 class RegenerativeCut(Component):
     """Cutting force of a tool; its chip thickness is the feed plus the tool's displacement within one turn.
 
-    Linear: the tool stays in the cut. Positive positions are deeper in the workpiece.
+    The law is linear: it assumes that the tool stays in the cut. Positive positions are deeper in the workpiece.
 
     Source: J. Tlusty, M. Polacek, The stability of the machine tool against self-excited vibration in machining,
     Proc. ASME Production Engineering Research Conference (1963).
@@ -33,9 +33,9 @@ class RegenerativeCut(Component):
 class RegenerativeTurning(Component):
     """Regenerative chatter of a tool with a natural frequency of 250 Hz at a spindle speed of 3000 1/min.
 
-    With `zeta` the damping ratio of the tool and c its stiffness, no speed is unstable below the width of cut
-    2 c zeta (1 + zeta) / K, 0.076 mm here; above it speeds are stable in pockets, the lobes of the stability chart. At
-    3000 1/min the limit is 0.164 mm: with 0.18 mm the tool chatters.
+    With the damping ratio `zeta` of the tool and its stiffness c, no speed is unstable below the width of cut
+    2 c zeta (1 + zeta) / K, 0.076 mm here; above it, the stable speeds form pockets between the lobes of the stability
+    chart. At 3000 1/min the limit is 0.164 mm: with 0.18 mm the tool chatters.
     """
 
     m: Real = parameter(default=1.0, unit="kg", min=0.0, doc="Modal mass of the tool")

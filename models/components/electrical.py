@@ -1,4 +1,4 @@
-"""Sources of current, switches with arcs, heated parts, machines: components of `acausal.library.electrical`."""
+"""Current sources, switches with arcs, heated parts, machines: components of `acausal.library.electrical`."""
 
 from __future__ import annotations
 

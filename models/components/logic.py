@@ -1,4 +1,4 @@
-"""Logic, comparisons and sampling: components of `acausal.library.blocks` whose values change at instants."""
+"""Logic, comparisons and sampling: components of `acausal.library.blocks` whose values change at discrete times."""
 
 from __future__ import annotations
 

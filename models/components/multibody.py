@@ -186,7 +186,7 @@ class FourBar(Component):
 
 
 class ConstrainedBodies(Component):
-    """Free bodies under constraints: one on an axis, next to the same with a joint, and one on a straight line."""
+    """Free bodies under constraints: one on an axis, a reference with a joint instead, and one on a straight line."""
 
     world: World = World()
     hinge: RevoluteConstraint = RevoluteConstraint()

@@ -1,8 +1,8 @@
 """Published initial value problems with reference solutions, equations as published; `acausal.models.ivp`.
 
 Sources are named in each file; most come from Mazzia, Magherini, Iavernaro: Test Set for Initial Value Problem Solvers,
-University of Bari. Absolute tolerances follow from `nominal`: they are a thousandth of the tolerance times the nominal
-magnitude, so a component that becomes very small has a small nominal.
+University of Bari. Absolute tolerances are a thousandth of the relative tolerance times `nominal`, so components that
+become very small have small nominal values.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from acausal import (
     variable,
 )
 
-# Starts of the angles: the loops are closed to the last digit, so all of them can be stated.
+# Initial angles, all of which can be given since they close the loops to the last digit.
 ANGLES = (
     -0.0617138900142764496358948458001,
     0.0,

@@ -1,4 +1,4 @@
-"""Reference end values of the problems in this folder, and the error of a result against them.
+"""Reference end values of the problems in this folder, and the errors of results relative to them.
 
 The values are those of the sources named in `PROBLEMS`, to their reliable digits; tests compare them with independent
 copies.
@@ -47,11 +47,11 @@ class Problem:
     stiff: bool = True
 
     def digits_reached(self, final: Callable[[str], Any]) -> float:
-        """The measure `mescd` of the test set: -log10 max |y - r| / (floor + |r|), no more than can be trusted."""
+        """The measure `mescd` of the test set: -log10 max |y - r| / (floor + |r|), at most the reliable digits."""
         return self._digits(final, self.floor)
 
     def relative_digits(self, final: Callable[[str], Any]) -> float:
-        """The measure `scd`: the same with relative errors, components that end at 0 left out."""
+        """The measure `scd`: the same with relative errors, without components whose end value is 0."""
         return self._digits(final, 0.0)
 
     def _digits(self, final: Callable[[str], Any], floor: float) -> float:

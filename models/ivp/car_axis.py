@@ -45,7 +45,7 @@ class CarAxis(Component):
     lam1: Real = variable(default=guess(0.0), nominal=1e-3)
     lam2: Real = variable(default=guess(0.0), nominal=1e-3)
     yb: Real = variable(doc="Height of the right wheel's contact")
-    xb: Real = variable(doc="Place of the right wheel's contact")
+    xb: Real = variable(doc="Position of the right wheel's contact")
     Ll: Real = variable(doc="Length of the left spring")
     Lr: Real = variable(doc="Length of the right spring")
 

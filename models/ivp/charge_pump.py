@@ -41,7 +41,7 @@ CLOCK = (
 
 
 class MosCircuit(Component):
-    """The transistor by its charges, and the two capacitors; nine equations as published."""
+    """The transistor, described by its charges, and the two capacitors; nine equations as published."""
 
     VT0: Real = parameter(default=0.20, unit="V", doc="Threshold")
     gamma: Real = parameter(default=0.035, doc="Body effect [sqrt(V)]")
@@ -87,7 +87,7 @@ class MosCircuit(Component):
         weak = self.Cox * self.gamma * (sqrt(half**2 + ugb - vfb) - half)
         strong = self.Cox * (2 / 3 * mean + self.gamma * sqrt(self.phi - ubs))
         off = ugs <= vte
-        # The charges are continuous; as published, their regions are decided at every evaluation.
+        # The charges are continuous; as published, the region is selected at every evaluation, without events.
         gate = where(ugb <= vfb, flat, where(off, weak, strong, smooth=True), smooth=True)
         channel = where(off, 0.0, -self.Cox / 3 * mean, smooth=True)
         return gate, where(ugb <= vfb, 0.0, channel, smooth=True)

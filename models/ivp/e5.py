@@ -11,7 +11,7 @@ class E5(Component):
     """Four chemical species; the sum of three balances keeps y2 - y3 - y4 constant.
 
     Source: W. H. Enright, T. E. Hull, B. Lindberg, BIT 15 (1975), problem E5; problem `E5` of the test set. Integrating
-    all four balances loses y2 - y3 to rounding; the invariant has to be used by whoever integrates them.
+    all four balances loses y2 - y3 to rounding errors; the invariant has to be used instead of one of them.
     """
 
     A: Real = parameter(default=7.89e-10)

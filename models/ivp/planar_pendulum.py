@@ -13,7 +13,7 @@ GRAVITY = 13.750371636040745654980191559621114395801712
 class PlanarPendulum(Component):
     """A point mass on a circle, released at rest from the horizontal; a DAE of index 3.
 
-    The exact solution is known for ever: at even times it is back at (1, 0), at odd ones at (-1, 0), at rest.
+    The exact solution is known at all whole times: at even ones it is back at (1, 0), at odd ones at (-1, 0), at rest.
     """
 
     g: Real = parameter(default=GRAVITY, doc="Gravity")

@@ -11,7 +11,7 @@ from acausal import Component, Equations, Experiment, Expr, Panel, Real, der, ex
 class TransistorAmplifier(Component):
     """Two transistors, five capacitors: eight equations for eight voltages, three of which hide a constraint.
 
-    Its exponentials make entries of one row that differ by thirty orders of magnitude between two points.
+    Because of its exponentials, Jacobian entries of one row change by thirty orders of magnitude between two points.
 
     Source: P. Rentrop, in E. Hairer, Ch. Lubich, M. Roche, The numerical solution of differential-algebraic systems by
     Runge-Kutta methods, Springer 1989; problem `transamp` of the test set, equations as published.

@@ -36,7 +36,7 @@ FORCE = 1e4
 
 
 class Contact(Component):
-    """One wheel, a cone, on its rail, an arc of a circle: where they touch, and the creep force there.
+    """Contact point and creep force of one wheel, a cone, on its rail, a circular arc.
 
     Creep forces after A. Jaschinski, DLR-FB 90-06 (1990): smooth, saturated by tanh. The inputs are the pose and the
     rates of the wheelset; all units SI.
@@ -46,8 +46,8 @@ class Contact(Component):
     V: Real = parameter(default=30.0, doc="Speed")
     RN0: Real = parameter(default=0.1, doc="Nominal radius of the wheel")
     MU: Real = parameter(default=0.12, doc="Friction coefficient")
-    E: Real = parameter(default=1.3537956, doc="Of the contact ellipse")
-    GG: Real = parameter(default=0.7115218, doc="Of the contact ellipse")
+    E: Real = parameter(default=1.3537956, doc="Coefficient of the contact ellipse")
+    GG: Real = parameter(default=0.7115218, doc="Coefficient of the contact ellipse")
     SIGMA: Real = parameter(default=0.28, doc="Poisson's ratio")
     GM: Real = parameter(default=7.92e10, doc="Shear modulus")
     C11: Real = parameter(default=4.72772197, doc="Kalker's coefficient")
@@ -56,7 +56,7 @@ class Contact(Component):
     DELTA0: Real = parameter(default=0.0262, doc="Angle of the cone")
     AR: Real = parameter(default=0.1506, doc="Half the distance of the wheels")
     RS: Real = parameter(default=0.06, doc="Radius of the rail's head")
-    pi: Real = parameter(default=3.1415926, doc="As the source has it; the end values depend on it")
+    pi: Real = parameter(default=3.1415926, doc="As in the source; the end values depend on it")
 
     x: Real = signal_input()
     theta: Real = signal_input()
@@ -65,7 +65,7 @@ class Contact(Component):
     beta: Real = signal_input(doc="Deviation of the spin from V/RN0")
 
     psi: Real = variable(nominal=1e-3, doc="Angle of the contact point on the wheel")
-    xi: Real = variable(nominal=0.1, doc="Place of the contact point along the axle")
+    xi: Real = variable(nominal=0.1, doc="Position of the contact point along the axle")
     N: Real = variable(nominal=100.0, doc="Normal force")
     T: Real = variable(shape=3, nominal=10.0, doc="Creep force in the frame of the track")
     Q: Real = variable(shape=5, doc="Row of the constraint Jacobian")
@@ -117,7 +117,7 @@ class Contact(Component):
         yield self.T[2] == share * (ct * tx - st * cd * ty)
 
     def _creepages(self, st: Expr, ct: Expr, sd: Expr, cd: Expr) -> tuple[Expr, Expr, Expr]:
-        """Relative velocities at the contact point, over the rolling velocity."""
+        """Relative velocities at the contact point divided by the rolling velocity."""
         sp, cp, ss, cs = sin(self.phi), cos(self.phi), sin(self.psi), cos(self.psi)
         R, xi = self.R, self.xi
         vx, vy, vz, vtheta, vphi = self.rate
@@ -136,11 +136,11 @@ class Contact(Component):
 
 
 class Wheelset(Component):
-    """Newton-Euler equations with two contacts stated on the level of velocities: an implicit DAE of index 2.
+    """Newton-Euler equations with two contacts stated at velocity level: an implicit DAE of index 2.
 
     Source: B. Simeon, C. Fuehrer, P. Rentrop, Introduction to differential-algebraic equations in vehicle system
-    dynamics, Surv. Math. Ind. 1 (1991); problem `wheel` of the test set. Terms of curved track are left out, they are
-    0 here. The mass matrix depends on phi; freezing it moves the end values by up to 3 %.
+    dynamics, Surv. Math. Ind. 1 (1991); problem `wheel` of the test set. Terms for curved track are zero here and left
+    out. The mass matrix depends on phi; freezing it changes the end values by up to 3 %.
     """
 
     MR: Real = parameter(default=16.08, doc="Mass of the wheelset")

@@ -1,1 +1,1 @@
-"""Models with free inputs, and the optimal-control problems that docs/optimal-control.md goes through."""
+"""Models with free inputs, and the optimal-control problems of docs/optimal-control.md."""

@@ -1,4 +1,4 @@
-"""A ball that is thrown so that it bounces once and hits a target with the least speed."""
+"""A ball that is thrown with the least speed so that it bounces once and then hits a target."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ThrownBall(Component):
 
     e: Real = parameter(default=0.7, unit="1", min=0.0, max=1.0, doc="Coefficient of restitution")
     g: Real = parameter(default=9.81, unit="m/s2", doc="Gravity")
-    x: Real = variable(unit="m", default=fixed(0.0), doc="Way along the floor")
+    x: Real = variable(unit="m", default=fixed(0.0), doc="Position along the floor")
     h: Real = variable(unit="m", default=fixed(1.0), doc="Height of the ball")
     v_x: Real = variable(unit="m/s", default=fixed(2.0), doc="Velocity along the floor")
     v_h: Real = variable(unit="m/s", default=fixed(0.0), doc="Velocity, upward")

@@ -1,4 +1,4 @@
-"""A pendulum on a cart, written in x and y: swung up by pushing the cart."""
+"""A pendulum on a cart, in Cartesian coordinates, swung up by pushing the cart."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class CartPole(Component):
     """A cart on a line with a point mass on a rod of constant length, in the coordinates x and y of the mass.
 
-    The rod is a constraint, (x - s)**2 + y**2 == length**2; no angle is declared.
+    The rod is a constraint, (x - s)**2 + y**2 == length**2; there is no angle.
     """
 
     f: Real = signal_input(unit="N", min=-20.0, max=20.0, default=0.0, doc="Push on the cart")
@@ -28,7 +28,7 @@ class CartPole(Component):
     y: Real = variable(unit="m", default=guess(-0.5), doc="Height of the mass above the cart")
     v_x: Real = variable(unit="m/s", default=fixed(0.0), doc="Velocity of the mass along the line")
     v_y: Real = variable(unit="m/s", doc="Velocity of the mass, upward")
-    tension: Real = variable(unit="N/m", nominal=10.0, doc="Pull of the rod, by its length")
+    tension: Real = variable(unit="N/m", nominal=10.0, doc="Tension of the rod divided by its length")
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=2.0, tolerance=1e-8)
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("s", "x", "y"), title="Cart and mass"),)
@@ -45,7 +45,7 @@ class CartPole(Component):
 
 
 def swing_up(duration: float = 2.0, intervals: int = 20) -> Problem:
-    """From hanging to standing, a metre to the side, with the least effort."""
+    """Swing-up from the hanging to the upright position, one metre to the side, with the least effort."""
     from acausal.optimal_control import Problem
 
     problem = Problem(CartPole())

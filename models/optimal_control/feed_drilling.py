@@ -33,7 +33,9 @@ STIFFNESS, SIGMA = 1e8, math.radians(118.0)
 class FeedDrilling(Component):
     """A feed drive presses a drill at constant speed into a thick block; the feed rate is the input."""
 
-    v_ref: Real = signal_input(unit="m/s", min=0.0, max=5e-3, nominal=1e-3, default=1e-3, doc="Wanted feed rate")
+    v_ref: Real = signal_input(
+        unit="m/s", min=0.0, max=5e-3, nominal=1e-3, default=1e-3, doc="Set point of the feed rate"
+    )
     k_c11: Real = parameter(default=2240e6, unit="Pa", min=0.0, doc="Specific cutting force of the block")
     n: Real = parameter(default=9.28, unit="1/s", min=0.0, doc="Rotational speed")
     gap: Real = parameter(default=2e-4, unit="m", doc="Distance from the tip to the block at the start")
@@ -48,7 +50,7 @@ class FeedDrilling(Component):
 
     depth: Real = signal_output(unit="m", nominal=1e-3, doc="Depth of the tip behind the upper face")
     thrust: Real = signal_output(unit="N", nominal=1e3, doc="Thrust of the cut")
-    width: Real = signal_output(unit="m", nominal=1e-2, doc="Engaged width, outer less inner diameter")
+    width: Real = signal_output(unit="m", nominal=1e-2, doc="Engaged width, outer minus inner diameter")
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=5.0, tolerance=1e-8)
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("depth",), unit="mm"), Panel(("thrust",)))
@@ -79,7 +81,7 @@ class FeedDrilling(Component):
 
 
 def horizon(limit: float = 3000.0, samples: int = 4, step: float = 0.01) -> Problem:
-    """As deep as possible in the next samples, with a thrust [N] up to a limit: solved at each sample."""
+    """The problem solved at each sample: drill as deep as possible in the next ones with limited thrust [N]."""
     from acausal.optimal_control import Problem
 
     problem = Problem(FeedDrilling())
@@ -90,7 +92,7 @@ def horizon(limit: float = 3000.0, samples: int = 4, step: float = 0.01) -> Prob
 
 
 def window(samples: int = 8, step: float = 0.01) -> Problem:
-    """The last samples, to look back on: k_c11 of the block is what an estimator finds in them."""
+    """The last samples, from which an estimator finds k_c11 of the block."""
     from acausal.optimal_control import Problem
 
     problem = Problem(FeedDrilling())
@@ -103,7 +105,8 @@ def window(samples: int = 8, step: float = 0.01) -> Problem:
 class Hardness:
     """Estimate of k_c11 [Pa] from thrust, feed rate and engaged width, by Kienzle's law; a first-order filter.
 
-    The ground of the hole recedes more slowly than the drill while the thrust grows: by its rate over the stiffness.
+    While the thrust grows, the bottom of the hole recedes more slowly than the drill moves: the difference is the rate
+    of the thrust divided by the stiffness.
     """
 
     k_c11: float = 2240e6
@@ -115,7 +118,7 @@ class Hardness:
     MEASURED: ClassVar[tuple[str, ...]] = ("thrust", "width", "slide.v", "depth")
 
     def __call__(self, time: float, measured: Mapping[str, float]) -> dict[str, float]:
-        """The parameter for the controller."""
+        """The estimated parameter for the controller."""
         thrust, width = measured["thrust"], measured["width"]
         rate = measured["slide.v"] - (thrust - self.thrust) / self.step / STIFFNESS
         self.thrust = thrust

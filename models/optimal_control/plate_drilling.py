@@ -1,4 +1,4 @@
-"""A plate drilled in the shortest time that thrust, torque, power and breakthrough allow."""
+"""A plate drilled in the shortest time that limits of thrust, torque, power and breakthrough allow."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from acausal.library.translational import Force, Mass
 if TYPE_CHECKING:
     from acausal.optimal_control import Problem
 
-# The drill of the founding paper: diameter, and half of the point angle.
+# The drill of the founding paper: diameter and half the point angle.
 DIAMETER, KAPPA = 16e-3, math.radians(59.0)
 CONE = DIAMETER / (2 * math.tan(KAPPA))
 
@@ -36,11 +36,13 @@ CONE = DIAMETER / (2 * math.tan(KAPPA))
 class PlateDrilling(Component):
     """A drill goes through a steel plate; force and rotational speed are inputs.
 
-    The feed axis has a mass, the spindle follows its speed with a lag.
+    The feed axis has a mass; the spindle follows the set point of its speed with a lag.
     """
 
     F: Real = signal_input(unit="N", min=0.0, max=6e3, nominal=4e3, default=2000.0, doc="Feed force")
-    n: Real = signal_input(unit="1/s", min=1.0, max=20.0, nominal=10.0, default=9.28, doc="Wanted rotational speed")
+    n: Real = signal_input(
+        unit="1/s", min=1.0, max=20.0, nominal=10.0, default=9.28, doc="Set point of the rotational speed"
+    )
     m: Real = parameter(default=50.0, unit="kg", min=0.0, doc="Mass of the feed axis")
     t: Real = parameter(default=20e-3, unit="m", min=1e-6, doc="Thickness of the plate")
     gap: Real = parameter(default=1e-3, unit="m", doc="Distance from the tip to the plate at the start")
@@ -103,8 +105,8 @@ class PlateDrilling(Component):
 def least_time(intervals: int = 5, parameters: Mapping[str, float] | None = None, price: float = 0.0) -> Problem:
     """The shortest time from 1 mm above the plate to where the cone has left it, with values of parameters by path.
 
-    Where the feed is at its limit and nothing else is, the speed is of no consequence for the time. A price [s] on
-    changes of speed, one of 20 1/s within the lag of the spindle, makes it settle.
+    Where only the feed is at its limit, the rotational speed does not affect the time. A price [s] on changes of speed,
+    stated for one of 20 1/s within the lag of the spindle, makes it unique.
     """
     from acausal.optimal_control import Problem
 

@@ -31,14 +31,14 @@ INERTIAS: tuple[Vector, ...] = (
 ROTORS = (14.3, 57.3, 4.68, 15.7, 10.0, 15.7)
 LOAD, LOAD_CENTRE = 15.0, (0.1, 0.25, 0.1)
 LIMITS = (1200.0, 2000.0, 1000.0, 300.0, 250.0, 200.0)
-"""Largest torques of the motors behind their gears [N.m]."""
+"""Largest torques of the motors at the output of their gears [N.m]."""
 
 
 class RobotArm(Component):
-    """A loaded arm of one to six joints; each joint has a motor without torque, to be freed.
+    """A loaded arm of one to six joints; each joint has a motor whose torque, zero by default, is to be optimised.
 
     Geometry and masses are those of the robot of the Modelica Standard Library; its motors, gears and controllers are
-    rotors without friction.
+    replaced by rotors without friction.
     """
 
     joints: int = structural(default=6, doc="Number of joints, counted from the ground")
@@ -80,9 +80,9 @@ class RobotArm(Component):
 
 
 def point_to_point(joints: int = 6, price: float = 0.01, intervals: int = 12) -> Problem:
-    """From stretched up to a quarter turn with bent elbow, at rest at both ends: time, and effort by its price.
+    """From stretched upwards to a quarter turn with bent elbow, at rest at both ends: minimises time and priced effort.
 
-    `price` is what one second of all torques at their limits costs [s].
+    `price` [s] is the cost of one second with all torques at their limits.
     """
     from acausal.optimal_control import Problem
 

@@ -28,7 +28,7 @@ _UNIT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class GimbalAngles(Component):
-    """Scene `gimbal`, as it fails: x-y-z angles at a constant body rate pi*(1, 0, 1)/sqrt(2); 90 degrees at t = 1."""
+    """Scene `gimbal`, failing form: x-y-z angles at a constant body rate pi*(1, 0, 1)/sqrt(2); 90 degrees at t = 1."""
 
     rate: Real = parameter(default=_RATE, doc="Body rate about x and about z")
     a: Real = variable(default=fixed(0.0), doc="About x")
@@ -46,7 +46,7 @@ class GimbalAngles(Component):
 
 
 class GimbalMatrix(Component):
-    """Scene `gimbal`, the form of frames: the rotation matrix is integrated; R(2) is the identity."""
+    """Scene `gimbal`, in the form used by frames: the rotation matrix is integrated; R(2) is the identity."""
 
     rate: Real = parameter(default=_RATE, doc="Body rate about x and about z")
     R: Real = variable(default=fixed(_UNIT), shape=(3, 3))
@@ -68,7 +68,7 @@ class QuaternionDrift(Component):
     rate: Real = parameter(default=10.0 / math.sqrt(14.0), doc="Turn rate per unit of (1, 2, 3)")
     s: Real = variable(default=fixed(1.0), doc="Scalar part")
     q: Real = variable(default=fixed((0.0, 0.0, 0.0)), shape=3, doc="Vector part")
-    mu: Real = variable(default=guess(0.0), doc="Multiplier that keeps the norm; 0 but for errors")
+    mu: Real = variable(default=guess(0.0), doc="Multiplier that keeps the norm; 0 except for errors")
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=1000.0, tolerance=1e-6, solver="erk")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("s",), title="Scalar part"),)

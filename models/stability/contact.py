@@ -1,4 +1,4 @@
-"""One body against one wall: explicit steps on a stiff spring, and two laws of impact."""
+"""One body hitting a wall: explicit steps on a stiff spring, and two laws of impact."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ExplicitPenalty(Component):
 
 
 class PartialImpact(Component):
-    """A free body hits a wall at s = 0 with speed `v0`; subclasses state the force of the wall."""
+    """A free body hits a wall at s = 0 with speed `v0`; subclasses define the force of the wall."""
 
     m: Real = parameter(default=1.0, unit="kg", min=0.0, doc="Mass")
     k: Real = parameter(default=1e5, unit="N/m", min=0.0, doc="Stiffness")
@@ -63,14 +63,14 @@ class KelvinVoigtImpact(PartialImpact):
     def equations(self) -> Equations:
         d = 2.0 * self.zeta * sqrt(self.k * self.m)
         plain = self.k * self.s + d * self.v
-        # two relations, so that touch and release are both events
+        # Two relations, so that touch and release are both events.
         yield self.f == where((self.s > 0.0) & (plain > 0.0), plain, 0.0)
 
 
 class HuntCrossleyImpact(PartialImpact):
     """Scene `hunt-crossley`: f = k*s*(1 + a*s'); the force is smooth at touch, and no method fails.
 
-    The rebound speed u solves v0/a - ln(1 + a*v0)/a**2 = -u/a - ln(1 - a*u)/a**2, whatever m and k are.
+    The rebound speed u solves v0/a - ln(1 + a*v0)/a**2 = -u/a - ln(1 - a*u)/a**2, independently of m and k.
     """
 
     a: Real = parameter(default=0.5, unit="s/m", min=0.0, doc="Damping per stiffness")

@@ -36,11 +36,11 @@ THRUST = EDGES * math.sin(POINT) * K
 class PowerLaw(Component):
     """Scene `power-law`: the feed under a force that changes its sign, f = (F/K)**(1/(1 - z)).
 
-    `inverted` False writes F = K*f**(1 - z) as it is printed: its slope at zero feed is infinite.
+    With `inverted=False` it is F = K*f**(1 - z) as usually printed, whose slope at zero feed is infinite.
     """
 
     inverted: bool = structural(default=True, doc="Feed as a function of the force, instead of the reverse")
-    m: Real = parameter(default=10.0, doc="Mass of the drill, where the force follows the feed")
+    m: Real = parameter(default=10.0, doc="Mass of the drill, if the force follows the feed")
     force: Real = parameter(default=4881.341711, doc="Amplitude of the force")
     rate: Real = parameter(default=2.0 * math.pi, unit="rad/s", doc="Frequency of the force")
     F: Real = variable(nominal=1e3, doc="Feed force")
@@ -65,7 +65,7 @@ class PowerLaw(Component):
 
 
 class PartialCompliantDrill(Component):
-    """A drill on a spring and damper that only push, behind a target depth that grows with the force.
+    """A drill on a spring and damper that only push, following a target depth that grows with the force.
 
     m*s'' = F(t) - F_N; s_tar' = zE*n*(F_N/(zE*sin(118 deg)*K))**(1/0.79).
     """
@@ -75,7 +75,7 @@ class PartialCompliantDrill(Component):
     zeta: Real = parameter(default=1.0, unit="1", min=0.0, doc="Damping ratio of the contact")
     s: Real = variable(unit="m", nominal=1e-2, doc="Depth")
     v: Real = variable(unit="m/s", nominal=1e-2, doc="Its rate")
-    s_tar: Real = variable(default=fixed(0.0), unit="m", nominal=1e-2, doc="Depth that is drilled")
+    s_tar: Real = variable(default=fixed(0.0), unit="m", nominal=1e-2, doc="Depth of the hole")
     F: Real = variable(unit="N", nominal=1e3, doc="Force on the drill")
     F_N: Real = variable(unit="N", nominal=1e3, doc="Force of the contact")
     one_newton: Real = parameter(default=1.0, unit="N")

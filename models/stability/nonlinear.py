@@ -25,11 +25,11 @@ from acausal import (
 
 
 class DiodeStart(Component):
-    """Scene `inconsistent`, part (b): a diode behind 1 kOhm; v = 0.69249037522418502165 V from any guess."""
+    """Scene `inconsistent`, part (b): a diode in series with 1 kOhm; v = 0.69249037522418502165 V from any guess."""
 
     supply: Real = parameter(default=5.0, unit="V", doc="Supply")
     v_T: Real = parameter(default=0.02585, unit="V", doc="Thermal voltage")
-    v: Real = variable(default=guess(5.0), unit="V", doc="Voltage over the diode")
+    v: Real = variable(default=guess(5.0), unit="V", doc="Voltage across the diode")
     q: Real = variable(default=fixed(0.0), unit="V.s", doc="Its integral")
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=1.0, tolerance=1e-6, solver="idas")

@@ -1,4 +1,4 @@
-"""Oscillations that methods damp, amplify, or follow where nobody asks for it."""
+"""Oscillations that methods damp, amplify, or needlessly resolve."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class UndampedOscillator(Component):
 
 
 class FastSlow(Component):
-    """Scene `fast-slow`: x'' = -w**2*(x - cos t) - cos t from x = cos t, which stays the solution."""
+    """Scene `fast-slow`: x'' = -w**2*(x - cos t) - cos t from x = cos t, which remains the solution."""
 
     w: Real = parameter(default=1e4, doc="Frequency of the fast mode")
     om: Real = parameter(default=1.0, unit="rad/s", doc="Frequency of the slow solution")

@@ -11,7 +11,7 @@ GRAVITY = 13.750371636040745654980191559621114395801712
 
 
 class PartialPendulum(Component):
-    """A point mass on a circle of radius 1, as a DAE of index 3; subclasses say where it starts."""
+    """A point mass on a circle of radius 1, as a DAE of index 3; subclasses define its start."""
 
     g: Real = parameter(default=GRAVITY, doc="Gravity")
     x: Real = variable(default=guess(1.0))
@@ -69,7 +69,7 @@ class PendulumDirect(PartialFromHorizontal):
 
 
 class PendulumInconsistent(PartialPendulum):
-    """Scene `inconsistent`, part (a): a start at (1.01, 0), off the circle, is refused."""
+    """Scene `inconsistent`, part (a): a start at (1.01, 0), off the circle, is rejected."""
 
     x0: Real = parameter(default=1.01, doc="Start, horizontally")
     vx0: Real = parameter(default=0.0, doc="Speed at the start, along the rod")

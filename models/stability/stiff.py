@@ -1,4 +1,4 @@
-"""One stiff component: methods that let it ring, and methods that lose their order on it."""
+"""One stiff component, on which some methods ring and others lose their order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Right-hand sides that switch: bounces without end, dry friction, a short pulse, bang-bang."""
+"""Right-hand sides that switch: infinitely many bounces, dry friction, a short pulse, bang-bang."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ class FrictionStop(Component):
 class MissedPulse(Component):
     """Scene `missed-pulse`: x' = 1 for 10 ms in 10 s; x(10) = 0.01."""
 
-    begin: Real = parameter(default=5.0, unit="s", doc="Begin of the pulse")
+    begin: Real = parameter(default=5.0, unit="s", doc="Start of the pulse")
     length: Real = parameter(default=0.01, unit="s", doc="Length of the pulse")
     x: Real = variable(default=fixed(0.0))
-    y: Real = variable(default=fixed(0.0), doc="x behind a lag of 1 s, so that there is something to step over")
+    y: Real = variable(default=fixed(0.0), doc="x with a lag of 1 s, so that a solver has something to step over")
 
     experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, tolerance=1e-6, solver="erk")
     figure: ClassVar[tuple[Panel, ...]] = (Panel(("x", "y"), title="The pulse's integral"),)
