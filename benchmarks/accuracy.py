@@ -1,9 +1,9 @@
-"""Claim: with the solver that `auto` takes, every problem ends within ten tolerances of its answer, 1e-4 to 1e-10.
+"""Claim: with the solver that `auto` selects, every problem ends within ten tolerances of its answer, 1e-4 to 1e-10.
 
-End error over tolerance of the published initial value problems (`acausal.models.ivp`), of those of
-accuracy_problems.py, the stability scenes and the examples of the Modelica Standard Library with every solver that is
-meant for them. Writes docs/accuracy.md; cells that are in the file of
-`--kept` are not computed again, so that a run that was stopped goes on.
+End errors divided by the tolerance for the published initial value problems (`acausal.models.ivp`), those of
+accuracy_problems.py, the stability scenes and the examples of the Modelica Standard Library, with every suitable
+solver. Writes docs/accuracy.md; cells found in the file of `--kept` are not computed again, so that an interrupted run
+can be continued.
 
     python benchmarks/accuracy.py [--problems kepler,hires] [--seconds 10] [--kept FILE] [--output docs/accuracy.md]
 """
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the models of the examples are among the tests
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the models of the examples are in the tests
 
 from accuracy_chart import PICTURE, draw
 from accuracy_msl import FOLDER, MODELS, example
@@ -38,14 +38,14 @@ SOLVERS = ("rosenbrock", "idas", "cvodes", "erk")
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)
 MOST = 10.0
 INTERVALS = 10
-"""Outputs of a run: methods of one step end a step at each, 500 of them would hide how they choose their own."""
+"""Number of outputs: one-step methods end a step at each, so that 500 of them would hide their step size control."""
 
 Cells = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A problem, where its run stops [s], and what each error is relative to."""
+    """A problem, its stop time [s], and the reference value of each error."""
 
     problem: Problem
     stop: float
@@ -53,7 +53,7 @@ class Asked:
 
 
 def asked(name: str) -> Asked:
-    """A published one, or one of the three other files."""
+    """A published problem, or one from the three other files."""
     if name in MODELS:
         return Asked(*example(name))
     problem = PROBLEMS[name] if name in PROBLEMS else (OWN | SCENES)[name]()
@@ -62,18 +62,18 @@ def asked(name: str) -> Asked:
 
 
 def solvers(name: str, problem: Problem) -> tuple[str, ...]:
-    """Solvers that are meant for the problem."""
+    """Solvers that are suitable for the problem."""
     explicit = ("erk",) if not problem.stiff or name in SLOPES | EXPLICIT else ()
     return ("rosenbrock", "idas", *(() if name in MODELS else ("cvodes",)), *explicit)
 
 
 def everything() -> tuple[str, ...]:
-    """All names; the examples only where their data are."""
+    """All names; the examples only if their data are present."""
     return (*PROBLEMS, *OWN, *SCENES, *(MODELS if FOLDER.is_dir() else ()))
 
 
 def measure(compiled: Any, wanted: Asked, solver: str, tolerance: float, seconds: float) -> Any:
-    """End error over tolerance, steps, and why there is none."""
+    """End error divided by tolerance and number of steps, or the reason why there is no result."""
     timer = threading.Timer(seconds, signal.raise_signal, (signal.SIGINT,))
     timer.start()
     try:
@@ -120,7 +120,7 @@ def fill(names: Sequence[str], seconds: float, file: Path) -> Cells:
 
 
 def shown(cell: Mapping[str, Any], digits: int, tolerance: float) -> str:
-    """A cell in words: an error below what is known of the answer says no more than that, and above ten nothing."""
+    """Text of a cell: errors below the accuracy of the answer as bounds, or not at all if that exceeds ten."""
     if "failure" in cell:
         return str(cell["failure"])
     known = 10.0**-digits / tolerance
@@ -141,7 +141,7 @@ def shown(cell: Mapping[str, Any], digits: int, tolerance: float) -> str:
 
 
 def is_missed(row: Mapping[str, Any], tolerance: float) -> bool:
-    """Whether the default has failed, or is farther off than ten tolerances and than what is known of the answer."""
+    """Whether the default solver failed, or its error exceeds both ten tolerances and the accuracy of the answer."""
     cell = row["cells"][f"{row['default']} {tolerance:g}"]
     return not float(cell.get("error", math.inf)) <= max(MOST, 10.0 ** (1 - row["digits"]) / tolerance)
 

@@ -1,4 +1,4 @@
-"""The table of docs/accuracy.md as a picture: a dot for each problem, solver and tolerance; accuracy.py draws it.
+"""The table of docs/accuracy.md as a picture, drawn by accuracy.py: a dot for each problem, solver and tolerance.
 
 python benchmarks/accuracy_chart.py [--page docs/accuracy.md] [--output docs/images/accuracy.png]
 """
@@ -16,11 +16,11 @@ PICTURE = ROOT / "docs" / "images" / "accuracy.png"
 TOLERANCES = ("1e-4", "1e-6", "1e-8", "1e-10")
 COLOURS = {"rosenbrock": "tab:blue", "idas": "tab:orange", "cvodes": "tab:green", "erk": "tab:red"}
 LEAST, MOST = 1e-2, 1e5
-"""Errors are drawn between these; the table says "< 0.01" below the first."""
+"""Range of errors that are drawn; the table says "< 0.01" below the first."""
 
 
 def cells(page: str) -> dict[tuple[str, str], list[str]]:
-    """The texts of each solver, and of the "default", at each tolerance: one for a problem."""
+    """The texts of each solver and of the "default" at each tolerance, one per problem."""
     found: dict[tuple[str, str], list[str]] = {}
     for row in page.splitlines():
         entries = [entry.strip() for entry in row.strip("|").split("|")]
@@ -34,7 +34,7 @@ def cells(page: str) -> dict[tuple[str, str], list[str]]:
 
 
 def errors(texts: list[str]) -> tuple[list[float], int]:
-    """Errors over tolerance, and how many runs ended without one; what is not known of the answer counts as neither."""
+    """Errors divided by tolerance, and the number of runs without one; cells without a known answer are left out."""
     known = [text for text in texts if text != "-"]
     ended = [text for text in known if not text.lstrip("< ").replace(".", "").replace("e+", "").isdigit()]
     return [float(text.lstrip("< ")) for text in known if text not in ended], len(ended)

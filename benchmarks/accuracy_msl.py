@@ -1,7 +1,7 @@
 """The examples of the Modelica Standard Library whose converged results are known, for accuracy.py.
 
-Models are those of tests/accuracy/, answers the last rows of `converged.csv` in the folder that ACAUSAL_REFERENCE
-names. Errors are relative to the range of each signal in the run, as the data's README has it.
+The models are those of tests/accuracy/, the answers the last rows of `converged.csv` in the folder given by
+ACAUSAL_REFERENCE. Errors are relative to the range of each signal in the run, as in the README of the data.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from acausal.models.ivp.answers import Problem
 from tests.accuracy.published import our_name
 
 FOLDER = Path(os.environ.get("ACAUSAL_REFERENCE", "")) / "msl"
-# Two integrations of which nobody has said how far they agree: what is printed less two digits.
-_UNTOLD = 1e-9
+# Assumed agreement of two integrations for which none is stated: two digits less than are printed.
+_DEFAULT_AGREEMENT = 1e-9
 _BODIES = {f"body{k + 1}": f"bodies[{k}]" for k in range(4)}
 _LOSS = {"eddyCurrentTorque.lossPower": "eddyCurrentTorque.loss_power"}
 MODELS: dict[str, tuple[str, str, dict[str, str]]] = {
@@ -64,7 +64,7 @@ def example(name: str) -> tuple[Problem, float, dict[str, float]]:
         names, *rows = csv.reader(file)
     data = np.array(rows, dtype=float)
     known = json.loads((FOLDER / name / "meta.json").read_text()).get("converged") or {}
-    agreement = float(known.get("agreement_of_two_runs_over_range") or _UNTOLD)
+    agreement = float(known.get("agreement_of_two_runs_over_range") or _DEFAULT_AGREEMENT)
     ranges, values = {}, {}
     for k, signal in enumerate(names[1:], start=1):
         extent = float(np.ptp(data[:, k]))

@@ -1,4 +1,4 @@
-"""Problems of accuracy.py beside the published ones: exact solutions, many states, events."""
+"""Problems of accuracy.py in addition to the published ones: exact solutions, many states, events."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ COUNT = 60
 
 
 class Kepler(Component):
-    """An orbit of eccentricity `e` and period 2 pi; after whole periods it is where it began."""
+    """An orbit of eccentricity `e` and period 2 pi; after whole periods it returns to its start."""
 
     e: Real = parameter(default=0.5)
     x: Real = variable()
@@ -149,7 +149,7 @@ class Heater(Component):
 
 
 class Oven(Component):
-    """A resistor that warms itself and a heat capacity, switched by a two-point controller with a rising reference.
+    """A self-heating resistor and a heat capacity, switched by a two-point controller with a rising reference.
 
     After `ControlledTemperature` of Modelica.Thermal.HeatTransfer.Examples, with other numbers.
     """
@@ -191,7 +191,7 @@ class Oven(Component):
 
 
 class Bounces(Component):
-    """A ball that loses nothing: v = -sqrt(2 g h) at each of its impacts, a hundred of them."""
+    """A ball that loses no energy: v = -sqrt(2 g h) at each of a hundred impacts."""
 
     h: Real = variable(default=fixed(1.0))
     v: Real = variable(default=fixed(0.0))
@@ -208,7 +208,7 @@ def chain(n: int) -> Problem:
     """Masses without friction, from the eigenvectors of the stiffness matrix."""
 
     class Masses(MassSpringDamperChain):
-        """So many masses."""
+        """The chain with `n` masses."""
 
         experiment: ClassVar[Experiment] = Experiment(stop_time=10.0)
 
@@ -308,4 +308,4 @@ OWN: dict[str, Callable[[], Problem]] = {
 }
 
 SLOPES = {"kepler", "oscillation", "sine_gordon", "masses_20", "masses_200", "heater", "oven", "bounces", "bang_bang"}
-"""Those that explicit methods are meant for, too."""
+"""Problems for which explicit methods are suitable too."""

@@ -1,7 +1,7 @@
 """Answers of the scenes of `acausal.models.stability`, for accuracy.py: closed forms and the reference data's figures.
 
-Scenes without an end value of their own (the explicit step, the step's order, the printed power law, the inconsistent
-start, the wind-up) are not here.
+Scenes without a known end value (the explicit step, the order of the step, the printed power law, the inconsistent
+start, the wind-up) are left out.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def problem(
 
 
 def swung() -> Problem:
-    """The pendulum's energy is what is known of its end: g times the height it started from."""
+    """The pendulum, of whose end only the energy is known: g times the initial height."""
     g = 13.750371636040745654980191559621114395801712
     values = {"energy": g * math.sin(-0.3), "length2": 1.0}
     return Problem(PendulumStaticState, values, 14, "energy")
@@ -56,14 +56,14 @@ def turned() -> Problem:
 
 
 def lagged() -> Problem:
-    """A ramp of 10 ms to 0.01 at 5 s, and what is behind a lag of 1 s."""
+    """A ramp of 10 ms to 0.01 at 5 s, and the same with a lag of 1 s."""
     # y = integral of exp(-(10 - s)) x(s) ds
     y = 0.01 - (math.exp(0.01) - 1.0) * math.exp(-5.0)
     return Problem(MissedPulse, {"x": 0.01, "y": y}, 14, "exact", floor=1e-2)
 
 
 def pressed() -> Problem:
-    """Critically damped: s = (1 + w t) exp(-w t) s0, all gone."""
+    """Critically damped: s = (1 + w t) exp(-w t) s0, which has decayed to zero."""
     return Problem(ExplicitPenalty, {"s": 0.0}, 14, "exact", floor=1e-5)
 
 
@@ -106,4 +106,4 @@ EXPLICIT = {
     "gimbal",
     "power-law",
 }
-"""Those that explicit methods are meant for, too."""
+"""Scenes for which explicit methods are suitable too."""

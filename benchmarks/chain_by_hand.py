@@ -1,8 +1,9 @@
 """Claim: the equations found for a spatial chain cost at most 1.2 times an articulated-body algorithm by hand.
 
-`SpatialChain` of scenes.py against Featherstone's recursion written for CasADi, link by link, with sparse 6x6 matrices
-and all parameters as numbers (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, table 7.1). Both right-hand sides
-are compiled to C in the same way; they have to agree. With the same integrator a run takes as much longer as they do.
+`SpatialChain` of scenes.py is compared with Featherstone's recursion written for CasADi, link by link, with sparse 6x6
+matrices and all parameters as numbers (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, table 7.1). Both
+right-hand sides are compiled to C in the same way and must agree. With the same integrator, run times have the same
+ratio.
 
     python benchmarks/chain_by_hand.py --n 2,4,8,16,32,64
 """
@@ -85,7 +86,7 @@ def articulated_body(n: int) -> Any:
 
 
 def microseconds(function: Any, x: Any) -> float:
-    """Of one evaluation, the least of some rounds."""
+    """Time of one evaluation, the minimum of several rounds."""
     memory, evaluate = function.buffer()
     t, out = np.zeros(1), np.zeros(len(x))
     memory.set_arg(0, memoryview(t))
@@ -101,7 +102,7 @@ def microseconds(function: Any, x: Any) -> float:
 
 
 def measured(n: int) -> dict[str, Any]:
-    """Both sides for one length."""
+    """Measurements of both sides for one length."""
     began = time.process_time()
     compiled = acausal.compile(SpatialChain(n=n), cache=False)
     making = time.process_time() - began

@@ -1,4 +1,4 @@
-"""Claim: which solver is the right one depends on the model and the accuracy, and `acausal bench` shows it.
+"""Claim: the best solver depends on the model and the accuracy, and `acausal bench` shows it.
 
 Draws the work-precision charts of docs/speed-and-accuracy.md, writes their data beside them, and the page itself.
 
@@ -41,7 +41,7 @@ ACCURACIES = (1e-3, 1e-6, 1e-8, 1e-10)
 
 @dataclass(frozen=True)
 class Scene:
-    """One chart: the model, its options and what is seen in it."""
+    """One chart: the model, its options and a remark on the result."""
 
     name: str
     title: str
@@ -133,7 +133,7 @@ def draw(scene: Scene, found: Bench) -> None:
 
 
 def read(data: dict[str, Any]) -> Bench:
-    """The bench that was written as `data`, with what its chart needs."""
+    """The bench that was written as `data`, as far as its chart needs it."""
     told = data["reference"]
     none = Trajectory(np.zeros(0), (), np.zeros((0, 0)))
     reference = Reference(none, np.zeros(0), told["trusted_digits"], told["source"])
@@ -172,7 +172,7 @@ def best(found: Bench) -> list[dict[str, Any]]:
 
 
 def plain(value: Any) -> Any:
-    """Numbers to four digits; no nan, which JSON has not."""
+    """Numbers to four digits, without nan, which JSON does not have."""
     if isinstance(value, dict):
         return {k: plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -183,7 +183,7 @@ def plain(value: Any) -> Any:
 
 
 def section(scene: Scene, data: dict[str, Any]) -> str:
-    """The part of the page about one scene."""
+    """The section of the page about one scene."""
     lines = [f"## {scene.title}", "", scene.remark, "", f"![{scene.title}](images/{scene.file}.png)", ""]
     lines += ["| accuracy | cheapest | error | solve ms | with start ms |", "|---|---|---|---|---|"]
     for row in data["best"]:

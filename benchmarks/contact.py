@@ -1,7 +1,7 @@
 """Claims of the contact library, measured.
 
 1. The scene `ThickBlock` with a convex workpiece, MPR in its equations, takes at most three times as long as with
-   the analytic plate, and ends at the same depth; a collision library behind a Python callback takes much longer.
+   the analytic plate, and ends at the same depth; a collision library called through Python takes much longer.
 2. A thousand workpieces, one drill: a run takes at most 1.3 times what it takes with one workpiece.
 
     python benchmarks/contact.py                      all, and the picture docs/images/contact.png
@@ -45,9 +45,10 @@ class ConvexBlock(ThickBlock):
 
 
 class CallbackGeometry(PartialDrillGeometry):
-    """Depth by coal (the library formerly called hpp-fcl), asked through a Python callback.
+    """Depth by coal (the library formerly called hpp-fcl), called through a Python callback.
 
-    Only for a drill perpendicular to a face, less deep than half the block: there the penetration depth is the depth.
+    Only for a drill perpendicular to a face, less deep than half the block: there the penetration depth is the depth
+    along the axis.
     """
 
     def equations(self) -> Equations:
@@ -76,7 +77,7 @@ _kept: list[Any] = []  # CasADi does not own its callbacks
 
 
 class _Callback(ca.Callback):  # type: ignore[misc]
-    """A function of the tip in Python; with `known`, its value is given too, as CasADi asks of Jacobians."""
+    """A function of the tip in Python; with `known`, its value is an argument too, as CasADi requires for Jacobians."""
 
     def __init__(self, name: str, columns: int, known: bool, value: Callable[[Any], Any]) -> None:
         ca.Callback.__init__(self)
@@ -109,7 +110,7 @@ class _Slope(_Callback):
         super().__init__("coal_slope", 3, True, lambda tip: np.array(_coal_contact(tip)[1]).reshape(1, 3))
 
     def get_jacobian(self, name: str, names_in: Any, names_out: Any, options: Any) -> Any:
-        # a flat face; a library has no second derivatives to give
+        # Zero, as for a flat face: the library provides no second derivatives.
         given = [ca.MX.sym("tip", 3), ca.MX.sym("depth"), ca.MX.sym("slope", 1, 3)]
         return ca.Function(name, given, [ca.MX(3, 3), ca.MX(3, 1)], names_in, names_out, options)
 
@@ -129,7 +130,7 @@ def _coal_contact(tip: Any) -> tuple[float, Any]:
     import coal
 
     cone, block, at, request = _coal_bodies()
-    # coal's cone stands on its base; its tip is at +z, so the middle of the cone lies behind it
+    # The tip of coal's cone is at +z, so the centre of the cone lies behind it.
     place = coal.Transform3s()
     place.setRotation(np.diag([1.0, -1.0, -1.0]))
     place.setTranslation(np.array(tip).ravel() - np.array([0.0, 0.0, cone.halfLength]))
@@ -143,7 +144,7 @@ def _coal_contact(tip: Any) -> tuple[float, Any]:
 
 @cache
 def _coal_bodies() -> tuple[Any, Any, Any, Any]:
-    """Cone, block, place of the block, and what is asked of a collision."""
+    """Cone, block, pose of the block, and the collision request."""
     import coal
 
     at, request = coal.Transform3s(), coal.CollisionRequest()
@@ -164,9 +165,9 @@ _coal_depth = External("coal_depth", _coal_function, inputs=((3,),), outputs=(()
 
 
 def levels(repetitions: int) -> dict[str, Any]:
-    """Processor seconds of a run of `ThickBlock` for each level of the geometry, and how far apart the results are.
+    """Processor seconds of a run of `ThickBlock` for each level of the geometry, and the differences of the results.
 
-    Interpreted, and as C (`_c`) with what belongs to it; a callback cannot be compiled.
+    Interpreted, and compiled to C (`_c`); a callback cannot be compiled.
     """
     models: dict[str, Any] = {"plate": ThickBlock(), "convex": ConvexBlock()}
     try:
@@ -198,7 +199,7 @@ def levels(repetitions: int) -> dict[str, Any]:
 
 
 def many(repetitions: int) -> dict[str, Any]:
-    """Processor seconds of a second run for one drill among more and more plates, none of them ruled out beforehand."""
+    """Processor seconds of a second run for one drill among increasingly many plates, none of them excluded before."""
     spent: dict[str, list[float]] = {str(n): [] for n in COUNTS}
     pairs: dict[str, Any] = {}
     models = {str(n): HolesSideBySide(n=n) for n in COUNTS}

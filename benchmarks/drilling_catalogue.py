@@ -1,9 +1,10 @@
-"""Claim: thrust and torque for 34CrMo4 are within 15 % of a tool maker's catalogue, 6 to 20 mm and 0.1 to 0.3 mm feed.
+"""Claim: thrust and torque for 34CrMo4 are within 15 % of a toolmaker's catalogue, 6 to 20 mm and 0.1 to 0.3 mm feed.
 
 Tungaloy General Catalogue 2020-2021, page L068: thrust 570 K D f**0.85 N, torque K D**2 (0.630 + 16.84 f)/100 N.m, D in
-mm, f in mm per revolution, K = 2.10 for SCM430 and 2.41 for SCM440; 34CrMo4 lies between them. Simulated is the scene
-of the paper's section 3.1 with a thick plate, at full diameter, and the feed force factor sin(sigma/2). Writes the
-figure of docs/drilling-beyond-the-paper.md, prints the largest deviations, and ends with 1 if one is over the limit.
+mm, f in mm per revolution, K = 2.10 for SCM430 and 2.41 for SCM440; 34CrMo4 lies between them. The simulation is that
+of section 3.1 of the paper with a thick plate, at full diameter, and with the feed force factor sin(sigma/2). Writes
+the figure of docs/drilling-beyond-the-paper.md, prints the largest deviations, and exits with 1 if one exceeds the
+limit.
 
     python benchmarks/drilling_catalogue.py [--output docs/images/drilling-catalogue.png]
 """

@@ -1,4 +1,4 @@
-"""Claim: a question about thrust and depth of a drill on its guide needs one axis; more detail costs and adds nothing.
+"""Claim: thrust and depth of a guided drill need a model of one axis only; more detail costs time and adds nothing.
 
 The scene of section 3.2 of the founding paper (`ThickBlock`, 40 s) at four levels of detail, each as composed and as
 `acausal reduce` leaves it for the outputs depth and thrust:
@@ -6,7 +6,7 @@ The scene of section 3.2 of the founding paper (`ThickBlock`, 40 s) at four leve
 - kinematic: the feed is planned from force and rotation for a steady cut, the forces follow from it;
 - one axis: written by hand, `OneAxisDrilling`;
 - 3D: bodies, joints, frames, `ThickBlock`;
-- 3D contact scene: drill, block and bench are convex bodies that find each other, with MPR.
+- 3D contact scene: drill, block and bench are convex bodies whose contacts are found by MPR.
 
 Cost is the least processor time of a run up to these two outputs. Errors are the largest differences from the scene of
 bodies and joints at a tolerance of 1e-11, after the first 0.6 s in which the drill bounces on the block.
@@ -39,8 +39,8 @@ from acausal.models.drilling_dynamic import FORCE, SPEED, ThickBlock
 from acausal.models.drilling_one_axis import OneAxisDrilling
 from acausal.result.result import Result
 
-CLOSE = 1.1  # the reduced 3D scene may cost so many times the one written by hand
-LOW, HIGH = 1.6, 40.0  # thrust is compared between these times: the drill bounces when it first touches
+CLOSE = 1.1  # largest ratio of the cost of the reduced 3D scene to that of the one written by hand
+LOW, HIGH = 1.6, 40.0  # thrust is compared between these times, after the drill has bounced at its first touch
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 AXIS = (0.0, 0.0, 1.0)
 
@@ -48,7 +48,7 @@ AXIS = (0.0, 0.0, 1.0)
 class PlannedDrilling(Component):
     """The scene with the feed that a steady cut at full diameter would have: equations (16) and (17) of the paper."""
 
-    k_feed: Real = parameter(default=1.0, unit="1", doc="Share of the planned feed")
+    k_feed: Real = parameter(default=1.0, unit="1", doc="Fraction of the planned feed")
 
     world: World = part()
     slide: Prismatic = part()
@@ -92,9 +92,9 @@ class PlannedDrilling(Component):
 
 
 class SceneBlock(Component):
-    """The same motion in a contact scene: nobody says what the drill meets, and MPR looks for the overlap.
+    """The same motion in a contact scene, which finds the contacts of the drill by MPR.
 
-    The bench below the block belongs to the scene too; the drill does not reach it.
+    The bench below the block is part of the scene too; the drill does not reach it.
     """
 
     world: World = part()
@@ -157,7 +157,7 @@ LEVELS = (
 
 
 def job(compiled: Any, outputs: tuple[str, str], everything: bool) -> Callable[[], Result]:
-    """A run up to its outputs, or up to everything that the model can tell."""
+    """A job that runs the model and reads its outputs, or all of its signals."""
 
     def run() -> Result:
         result = acausal.simulate(compiled, native=False, output_interval=0.1)
@@ -168,13 +168,13 @@ def job(compiled: Any, outputs: tuple[str, str], everything: bool) -> Callable[[
 
 
 def errors(level: Level, result: Result, truth: Result) -> dict[str, float]:
-    """Largest errors of depth [mm] and thrust [N]; the share of the largest thrust."""
+    """Largest errors of depth [mm] and thrust [N], the latter also relative to the largest thrust."""
     times = 0.1 * np.arange(1, 400)  # stored rows: nothing is integrated again
     late = (times > LOW) & (times < HIGH)
     found = {}
     for quantity, name, scale in (("depth_mm", level.outputs[0], 1e3), ("thrust_N", level.outputs[1], 1.0)):
         reference = "drill.s" if quantity == "depth_mm" else "drill.F_f"
-        # A drill in the air has a depth too; the planned one starts at the face.
+        # The depth is also defined before contact; the planned motion starts at the face.
         a, b = (np.asarray(r.at(times, n)) for r, n in ((result, name), (truth, reference)))
         if quantity == "depth_mm":
             a, b = np.maximum(a, 0.0), np.maximum(b, 0.0)
@@ -183,7 +183,7 @@ def errors(level: Level, result: Result, truth: Result) -> dict[str, float]:
 
 
 def fastest(jobs: dict[str, Callable[[], Result]], repetitions: int) -> dict[str, float]:
-    """Least processor time of each job, one of each in turn; other work on the machine counts little in it."""
+    """Minimum processor time of each job, run in turn, which other load on the machine hardly affects."""
     best = dict.fromkeys(jobs, math.inf)
     for repetition in range(repetitions + 1):
         for name, work in jobs.items():

@@ -1,11 +1,11 @@
-"""Time per event, beside peers that locate events: a ball with 100 bounces, three clutches, a 10 kHz converter.
+"""Time per event, compared with peers that locate events: 100 bounces of a ball, three clutches, a 10 kHz converter.
 
     python benchmarks/events.py [--json]
 
-The peers get the equations by hand, with a terminal event and a restart: scipy `solve_ivp` (RK45) and scikit-sundae IDA
-(events function). Ours is the compiled model with the default solver for events; C is compiled before, its time apart.
-The ball moves through air: in a vacuum it flies parabolas, which every method has exactly in one step.
-Error: of the instant of the last bounce, of the speeds at the end, and of the capacitor's voltage, all against runs of
+The peers get equations written by hand, with a terminal event and a restart: scipy `solve_ivp` (RK45) and scikit-sundae
+IDA (events function). Acausal runs the compiled model with the default solver for events; C is compiled beforehand and
+not counted. The ball moves through air, since in a vacuum every method follows its parabolas exactly in one step.
+Errors are those of the instant of the last bounce, the final speeds, and the capacitor's voltage, relative to runs of
 SciPy at 1e-12.
 """
 
@@ -45,7 +45,7 @@ class Ball(Component):
 
 
 def timed(run: Callable[[], Any], repetitions: int) -> tuple[float, Any]:
-    """Median of the processor times, which others on the machine do not lengthen, and the last answer."""
+    """Median of the processor times, which other load hardly affects, and the last result."""
     run()
     found = []
     for _ in range(repetitions):

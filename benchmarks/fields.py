@@ -2,9 +2,9 @@
 
 The medical problem of Akzo Nobel (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II; Bari test set:
 medakzo): diffusion of an antibody into a tissue, two species on n cells, declared one behind the other, u[0..n-1] and
-v[0..n-1], as two equations between vectors. By hand are the same equations as SX with the states in turn, u[0], v[0],
-u[1] ..., which is the best order for a band; it keeps its integrators. Errors are those of the last row against a run
-at a hundredth of the tolerance.
+v[0..n-1], as two vector equations. The hand-written side has the same equations as SX with interleaved states, u[0],
+v[0], u[1] ..., the best order for a band matrix; it keeps its integrators. Errors are those of the last row relative to
+a run at a hundredth of the tolerance.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ALLOWED, END, SWITCH, C = 1.5, 10.0, 5.0, 4.0
 
 
 def coefficients(n: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Of the second and the first derivative, and the width of a cell."""
+    """Coefficients of the second and the first derivative, and the width of a cell."""
     dz = 1.0 / n
     z = dz * (np.arange(n) + 1)
     return (z - 1.0) ** 4 / C**2, 2.0 * (z - 1.0) ** 3 / C**2, dz
@@ -64,7 +64,7 @@ def model(n: int) -> Component:
 
 
 def by_hand(n: int, tolerance: float) -> Any:
-    """A function that runs it and gives u at the end."""
+    """A function that integrates the hand-written system and returns the final u."""
     alpha, beta, dz = coefficients(n)
     u, v, phi = ca.SX.sym("u", n), ca.SX.sym("v", n), ca.SX.sym("phi")
     left, right = ca.vertcat(phi, u[:-1]), ca.vertcat(u[1:], u[-1])
@@ -100,7 +100,7 @@ def main() -> None:
             result = acausal.simulate(compiled, stop_time=END, tolerance=tolerance, output_interval=0.02)
             return np.asarray(result.final("u"))
 
-        # with the local errors that ours gets, and with those that the user names
+        # With the local error tolerance that acausal uses, and with that given by the user.
         hands = {share: by_hand(n, share * options.tolerance) for share in (1.0, 0.01)}
         exact = run(1e-2 * options.tolerance)
         jobs = {"acausal": run, **{f"hand at {share:g}": job for share, job in hands.items()}}

@@ -1,10 +1,10 @@
-"""The cost of a fit of k_c1.1 and z to three data sets with noise, in runs: 20 steels and noises by chance.
+"""Cost of fitting k_c1.1 and z to three noisy data sets, in units of runs: 20 random steels and noises.
 
     python benchmarks/fit.py
 
 Cutting forces of `ThinPlate` at three feed rates, 151 values each with a noise of 20 N; guesses 1.7 GPa and 0.3. "in
-time" is the process time of the whole fit by that of one of its runs, after a first fit. Inside are the true values
-that lie in their 95 % intervals, of 20: 19 are expected, and fewer than 17 once in 60 times.
+time" is the process time of the whole fit divided by that of one of its runs, after a first fit. "inside" counts the
+true values within their 95 % intervals, of 20: 19 are expected, and fewer than 17 once in 60 times.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Claim: the published initial value problems, as published, are solved within ten times the tolerance 1e-8.
 
 Every problem of `acausal.models.ivp` with every solver at three tolerances: digits of the end values, steps, calls of
-the right-hand side, seconds. Beside them what IDAS needs when somebody writes the equations by hand for CasADi (the
-`baseline_idas.json` of the reference data, if it is there). Writes docs/ivp-table.md.
+the right-hand side, seconds; for comparison, IDAS on equations written by hand for CasADi (`baseline_idas.json` of the
+reference data, if present). Writes docs/ivp-table.md.
 
     python benchmarks/ivp_table.py [--problems robertson,e5] [--repetitions 3] [--output docs/ivp-table.md]
 """
@@ -32,7 +32,7 @@ HEAD = "| solver | tolerance | mescd | scd | steps | right-hand sides | solve ms
 
 @dataclass(frozen=True)
 class Run:
-    """One line of a table; `failure` says why there are no numbers."""
+    """One line of a table; `failure` is the reason if there are no numbers."""
 
     solver: str
     tolerance: str
@@ -68,7 +68,7 @@ def short(value: float | None) -> str:
 
 
 def solvers(problem: Problem) -> tuple[str, ...]:
-    """Solvers that are meant for the problem."""
+    """Solvers that are suitable for the problem."""
     return ("idas", "rosenbrock", "cvodes") if problem.stiff else ("idas", "rosenbrock", "cvodes", "erk")
 
 
@@ -79,7 +79,7 @@ def seconds_of(result: acausal.Result) -> float:
 
 
 def solve(compiled: Any, problem: Problem, solver: str, tolerance: float, repetitions: int) -> Run:
-    """The best of some runs, one if it is long; the end is the only output."""
+    """The best of several runs, or a single long one; the end is the only output."""
     stop = problem.model.experiment.stop_time
     best = math.inf
     for _ in range(repetitions):
@@ -102,7 +102,7 @@ def solve(compiled: Any, problem: Problem, solver: str, tolerance: float, repeti
 
 
 def baseline(name: str) -> list[Run]:
-    """Runs of IDAS on equations written by hand, where there are any."""
+    """Runs of IDAS on equations written by hand, if there are any."""
     folder = Path(os.environ.get("ACAUSAL_REFERENCE", ROOT.parent / "shared" / "reference"))
     file = folder / "ivp" / "baseline_idas.json"
     if not file.is_file():
@@ -136,7 +136,7 @@ class Section:
     runs: tuple[Run, ...]
 
     def chosen(self) -> Run:
-        """The run at 1e-8 with the solver that `auto` takes."""
+        """The run at 1e-8 with the solver that `auto` selects."""
         solver = choose(self.compiled, "auto", None)[0].name
         return next(r for r in self.runs if r.solver == solver and r.tolerance == "1e-08")
 

@@ -1,8 +1,8 @@
-"""Claim: many bodies cost what their contacts cost: growth below 1.2, second runs of 256 balls and 16 boxes below 1 s.
+"""Claim: the cost of many bodies is that of their contacts: growth below 1.2, 256 balls or 16 boxes below 1 s.
 
-Balls dropped on a plane side by side, each with a spin and a speed of its own, none of which says what it touches; and
-boxes let go on top of each other, which settle (`BoxStack`). A second run has what the first one made. Growth is the
-exponent of the time of a second run between two sizes, over the pairs in the equations.
+Balls are dropped on a plane side by side, each with its own spin and speed and without declared contacts; boxes are
+released on top of each other and settle (`BoxStack`). A second run reuses the results of the first compilation. Growth
+is the exponent of the time of a second run between two sizes, as a function of the pairs in the equations.
 
     python benchmarks/many_contacts.py
     python benchmarks/many_contacts.py --balls 16 64 --boxes 4
@@ -74,7 +74,7 @@ def _seconds(job: Any) -> tuple[float, Any]:
 
 
 def measured(model: Component) -> dict[str, Any]:
-    """Seconds of a first and a second run, and of a run of what was compiled."""
+    """Seconds of a first and a second run, and of a run of the compiled model."""
     first, _ = _seconds(lambda: acausal.simulate(model))
     second, result = _seconds(lambda: acausal.simulate(model))
     stats: Any = result.stats
@@ -92,7 +92,7 @@ def measured(model: Component) -> dict[str, Any]:
 
 
 def growth(rows: list[dict[str, Any]]) -> float:
-    """Exponent of the time of a second run over the contacts in the equations, between the last two sizes."""
+    """Exponent of the time of a second run as a function of the contacts, between the last two sizes."""
     one, two = rows[-2:]
     return math.log(two["second"] / one["second"]) / math.log(two["pairs"] / one["pairs"])
 
@@ -109,7 +109,7 @@ def main() -> None:
     told = [f"{r['n']} {name} {r['second']:.2f} s" for name, found in rows.items() for r in found]
     told += [f"growth of {name} {x:.2f}" for name, x in exponents.items()]
     seconds = {(name, r["n"]): r["second"] for name, found in rows.items() for r in found}
-    # each goal where it is stated: what was not run is not judged
+    # A goal is judged only if its size was run.
     met = {f"growth of {name}": x < GROWTH for name, x in exponents.items()}
     met |= {f"{n} {name}": seconds[name, n] < most for (name, n), most in SECONDS.items() if (name, n) in seconds}
     report((__doc__ or "").split("\n")[0], ", ".join(told), rounded({"met": met, "growth": exponents, **rows}))

@@ -1,11 +1,11 @@
 """Claim: equations of repeated components by patterns run no slower, and C of large models is made in seconds.
 
-The same model with every instance in its equations (`flat`), and by patterns, as operations on columns (`columns`).
-Per evaluation of right-hand side and Jacobian, for making an IDAS integrator, for a whole run with each solver, and for
-C of a whole integrator: size, seconds of the C compiler, a run with it. `--prototype` compares the forms on a ladder
-written by hand: flat, columns, and `Function.map` of one small function.
+Compares a model with every instance in its equations (`flat`) with the same model by patterns, as operations on columns
+(`columns`): evaluations of right-hand side and Jacobian, the creation of an IDAS integrator, a whole run with each
+solver, and C of a whole integrator (size, seconds of the C compiler, a run with it). `--prototype` compares the forms
+on a ladder written by hand: flat, columns, and `Function.map` of one small function.
 
-Times are seconds of processor time, the fastest of some in turn.
+Times are seconds of processor time, the fastest of several repetitions in turn.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def fastest(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> dict[str
 
 
 def times(function: Any, arguments: list[Any], count: int) -> Callable[[], None]:
-    """`count` calls without any Python around them."""
+    """A job of `count` calls without Python overhead."""
     buffer, run = function.buffer()
     held = [np.array(a, dtype=float).ravel() for a in arguments]
     held += [np.zeros(max(1, function.nnz_out(k))) for k in range(function.n_out())]
@@ -61,7 +61,7 @@ def times(function: Any, arguments: list[Any], count: int) -> Callable[[], None]
 
 
 def evaluated(dae: Mapping[str, Any], repetitions: int) -> None:
-    """Print evaluations of oracles `(t, x, z, p, u)`, and how long integrators of them take to make."""
+    """Print times of evaluations of oracles `(t, x, z, p, u)`, and of the creation of their integrators."""
     import casadi as ca
 
     made = {
@@ -82,7 +82,7 @@ def line(what: str, values: Mapping[str, float], unit: str) -> None:
 
 
 def forms(compiled: Any) -> dict[str, Any]:
-    """The model that is lowered in each form; what is kept of a model belongs to the object."""
+    """The model lowered in each form, as separate objects because caches belong to the object."""
     flat = replace(compiled)
     flat.__dict__["mapped"] = lambda zeros=(): None
     return {"flat": flat, "columns": compiled}
@@ -116,7 +116,7 @@ def measured(family: str, n: int, solvers: list[str], repetitions: int, native: 
 
 
 def run(models: Mapping[str, Any], form: str, solver: str, native: bool) -> Any:
-    """One run of a form; the number in a library's key keeps the forms apart."""
+    """One run of a form; the number in the key of a library distinguishes the forms."""
     import acausal
 
     cache, equations = (import_module(f"acausal.simulate.native.{m}") for m in ("cache", "equations"))

@@ -1,4 +1,4 @@
-"""What the benchmarks share: alternated repetitions, medians, a line for a person and a JSON record for a machine."""
+"""Common functions of the benchmarks: alternated repetitions, medians, a readable line and a JSON record."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 
 
 def alternated(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> dict[str, list[float]]:
-    """Processor seconds of every job, one of each in turn: what slows the machine down meets all of them.
+    """Processor seconds of every job, run in turn so that changes of the machine's speed affect all of them alike.
 
     Each job runs once before, unmeasured.
     """
@@ -47,7 +47,7 @@ def ratios(seconds: Mapping[str, list[float]], name: str) -> dict[str, float]:
 
 
 def report(claim: str, line: str, record: Mapping[str, Any]) -> None:
-    """Print the line for a person and the record as JSON."""
+    """Print the claim with its readable line, and the record as JSON."""
     import casadi
 
     machine = {
@@ -70,7 +70,7 @@ def rounded(value: Any, digits: int = 4) -> Any:
 
 
 def drawn_lines(file: Path, lines: Mapping[str, list[tuple[float, float]]], across: str, up: str) -> None:
-    """A log-log picture of some lines, each with its points."""
+    """Draw a log-log picture of some lines with their points."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,9 +1,9 @@
 """Claim: MPR as a CasADi function needs no Python callback: it is called at the cost of C, and has exact derivatives.
 
-One contact of a ball, of a cone tip and of a box with a plate, three ways: the CasADi function interpreted, the same as
-generated C, and coal behind a Python callback, which is what a coupling to a library would be (its result and nothing
-else: no derivatives). All are called from within CasADi, as an integrator does, in turn. The Jacobian of depth, normal
-and points by both poses is measured too; the callback would need 25 calls for it, and could not be compiled.
+One contact of a ball, of a cone tip and of a box with a plate is computed in three ways: by the interpreted CasADi
+function, by the same function as generated C, and by coal through a Python callback, as a coupling to a library would
+do (without derivatives). All are called in turn from within CasADi, as by an integrator. The Jacobian of depth, normal
+and points with respect to both poses is measured too; the callback would need 25 calls for it and cannot be compiled.
 
     pip install .[test]
     python benchmarks/mpr.py
@@ -29,7 +29,7 @@ from acausal.library.contact.collide.shapes import Box, Cone, Shape, Sphere
 
 CALLS = 2000
 PLATE = Box((0.1, 0.1, 0.01))
-# Tool, and the place of its frame at which it is 1 mm in the plate, tilted by 10 degrees.
+# Tool, and the position of its frame at which it is 1 mm deep in the plate, tilted by 10 degrees.
 TOOLS: dict[str, tuple[Shape, tuple[float, float, float]]] = {
     "ball": (Sphere(0.008), (0.035, 0.02, 0.012)),
     "cone": (Cone(0.008, 0.0048), (0.035, 0.02, 0.004)),
@@ -79,13 +79,13 @@ class Coal(ca.Callback):  # type: ignore[misc]
 
 
 def jacobian(f: Any) -> Any:
-    """Derivatives of all outputs by all inputs, as one function."""
+    """Derivatives of all outputs with respect to all inputs, as one function."""
     inputs = f.sx_in()
     return ca.Function("jacobian", inputs, [ca.jacobian(ca.vertcat(*f.call(inputs)), ca.veccat(*inputs))])
 
 
 def compiled(f: Any, folder: Path) -> tuple[Any, float]:
-    """A function as C, and the seconds of the compiler."""
+    """A function compiled to C, and the seconds that the compiler took."""
     generator = ca.CodeGenerator("mpr.c")
     generator.add(f)
     (folder / "mpr.c").write_text(generator.dump())
@@ -113,7 +113,7 @@ def repeated(f: Any, arguments: list[Any], calls: int) -> Callable[[], None]:
 
 
 def measured(name: str, folder: Path, repetitions: int) -> dict[str, Any]:
-    """Microseconds of a call of each kind, and the answers' difference."""
+    """Microseconds of a call of each kind, and the difference of the results."""
     tool, place = TOOLS[name]
     turn = Rotation.from_rotvec([0.1, 0.14, 0.0]).as_matrix()
     arguments = [np.array(place), turn, np.zeros(3), np.eye(3)]

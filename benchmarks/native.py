@@ -1,8 +1,8 @@
-"""Claim: compiled C takes a run from 1.2 (multistep) to ten times (one-step methods) faster, for the same numbers.
+"""Claim: compiled C makes runs 1.2 (multistep) to ten times (one-step methods) faster, with the same results.
 
-For each model and solver: the integration interpreted and compiled, in turn; what making the library costs, and what
-finding it again on disk costs (a hit); and the largest difference of the two results, relative to the largest value of
-each state. Times are processor times, of the C compiler too. The numbers in docs/devdocs/native.md are from here.
+For each model and solver: the integration interpreted and compiled, in turn; the cost of making the library, and of
+finding it again on disk (a hit); and the largest difference of the two results, relative to the largest value of each
+state. Times are processor times, including the C compiler. This is the source of the numbers in docs/devdocs/native.md.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ def cases(longest: int) -> Iterator[tuple[str, Any, tuple[tuple[str, dict[str, A
     yield "ThickBlock", ThickBlock(), (("idas", fine), ("rosenbrock", fine))
     yield "ThinPlate", ThinPlate(), (("rk2", {"step": 1e-3}),)
     for n in (n for n in (10, 100, 400) if n <= longest):
-        # multistep methods leave large models interpreted
+        # Multistep methods interpret large models anyway.
         solvers = ("erk", "rosenbrock", *(("idas", "cvodes") if n < 200 else ()))
         yield f"chain of {n}", MassSpringDamperChain(n=n), tuple((solver, {}) for solver in solvers)
 
 
 @contextmanager
 def time_of_libraries() -> Iterator[list[float]]:
-    """Seconds spent in each making or finding of a library."""
+    """Seconds spent in making or finding each library."""
     original, seconds = policy.Native._made, []
 
     def timed(*arguments: Any) -> Any:

@@ -1,9 +1,9 @@
-"""Claim: a problem stated on a model builds and solves in at most 1.2 times what CasADi written by hand takes.
+"""Claim: a problem stated on a model builds and solves in at most 1.2 times the time of CasADi written by hand.
 
-Three examples of docs/optimal-control.md beside the same problem written for it alone, with equations derived by hand:
-the swing-up in the angle, an arm by the recursion of Newton and Euler, drilling in four phases. Both use Radau IIA with
-three points, the same meshes, the same inputs and ipopt. What the program by hand does not do is shown by itself: the
-compilation of the model, the run behind the guess, and the check of the answer by IDAS.
+Three examples of docs/optimal-control.md are compared with programs written for each problem, with equations derived by
+hand: the swing-up in the angle, an arm by the recursion of Newton and Euler, drilling in four phases. Both use Radau
+IIA with three points, the same meshes, the same inputs and ipopt. Steps that the program by hand does not do are listed
+separately: the compilation of the model, the run for the guess, and the check of the answer by IDAS.
 
     python benchmarks/optimal_control_by_hand.py [swing-up] [arm] [drilling]
 """
@@ -25,7 +25,7 @@ from acausal.optimal_control import Problem
 QUIET = {"ipopt": {"print_level": 0, "sb": "yes", "tol": 1e-8}, "print_time": False, "detect_simple_bounds": True}
 TAU = ca.collocation_points(3, "radau")
 SLOPES, _, WEIGHTS = ca.collocation_coeff(TAU)
-# Inputs are parabolas, given by their Bernstein coefficients, as on the other side.
+# Inputs are parabolas, given by their Bernstein coefficients, as in acausal.
 BERNSTEIN = np.array([[(1 - t) ** 2 for t in TAU], [2 * t * (1 - t) for t in TAU], [t * t for t in TAU]])
 
 
@@ -132,7 +132,7 @@ def arm_dynamics(joints: int) -> Any:
         force, moment = ca.SX(3, 1), ca.SX(3, 1)
         for k in reversed(range(joints)):
             R, e, way, own, turning = forward[k]
-            # what comes from the next joint stands in this joint's frame already
+            # The loads of the next joint are already resolved in the frame of this one.
             moment = turning + moment + ca.cross(way, force)
             force = own + force
             found[k] = ca.dot(e, moment) + robot_arm.ROTORS[k] * accelerations[k]
@@ -164,7 +164,7 @@ def arm_by_hand(joints: int = 3, intervals: int = 12, price: float = 0.01) -> Me
 
 
 def drilling_by_hand(intervals: int = 5) -> Measured:
-    """Depth, feed rate, ground of the hole, angular velocity; the feed per edge is algebraic."""
+    """States: depth, feed rate, bottom of the hole, angular velocity; the feed per edge is algebraic."""
     began = time.process_time()
     d, kappa, z_E, k_c11, z, t, m = 16e-3, np.radians(59.0), 2, 2240e6, 0.21, 20e-3, 50.0
     k, d_c, slope = 1e8, 2e4, 2 * np.tan(np.radians(59.0))

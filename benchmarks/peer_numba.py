@@ -1,4 +1,4 @@
-"""The right-hand sides of peer_problems.py as one writes them for Numba: loops over arrays in memory."""
+"""The right-hand sides of peer_problems.py as typically written for Numba: loops over arrays in memory."""
 
 from __future__ import annotations
 

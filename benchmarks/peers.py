@@ -1,12 +1,12 @@
 """Claim: at equal accuracy acausal is faster than SciPy, scikit-sundae, numbalsoda, rumoca and jaxonomy, and takes at
 most 1.2 times CasADi by hand with the same solver.
 
-Four problems (peer_problems.py). Every side is tuned by its tolerance: of each the fastest run counts whose end values
-are within the accuracy, by the mixed error with f as in `acausal bench`. Then the sides run in turn at these settings,
-and medians of processor time count. A time is that of a whole call, ours too: start values, recording, and what Python
-does around. Compiling and first calls are apart. Python right-hand sides are NumPy's, as people write them; jaxonomy's
-and rumoca's are compiled by them, numbalsoda's by Numba (peer_numba.py). The hand-written CasADi system is the same
-equations with the same solvers, interpreted, its integrator made beforehand.
+Four problems (peer_problems.py). Every side is tuned by its tolerance: of each method, the fastest run counts whose end
+values are within the accuracy, by the mixed error with f as in `acausal bench`. Then the sides run in turn at these
+settings, and medians of processor time are compared. Times are those of whole calls, including start values, recording
+and Python overhead on all sides, but without compilation and first calls. Python right-hand sides use NumPy in the
+usual way; jaxonomy and rumoca compile theirs, numbalsoda's are compiled by Numba (peer_numba.py). The hand-written
+CasADi system has the same equations and the same solvers, interpreted, with its integrator made beforehand.
 
     pip install .[benchmark]
     python benchmarks/peers.py [--accuracy 1e-6] [--only Pleiades] [--figure peers.png]
@@ -58,7 +58,7 @@ def by_hand(problem: Problem) -> Runs:
     import casadi as ca
 
     class Arrays:
-        """The names of NumPy that the right-hand sides use, on CasADi."""
+        """The NumPy functions that the right-hand sides use, implemented with CasADi."""
 
         ones = staticmethod(lambda n: ca.SX.ones(n))
         stack = concatenate = staticmethod(lambda parts: ca.vertcat(*parts))
@@ -224,9 +224,9 @@ SIDES = {
 
 
 def tuned(runs: Runs, exact: Any, floor: Any, accuracy: float) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
-    """Of each method the loosest setting that reaches the accuracy, or why there is none.
+    """The loosest setting of each method that reaches the accuracy, or the reason why there is none.
 
-    A method is given up when a run takes more than 20 s.
+    A method is abandoned if a run takes more than 20 s.
     """
     found: dict[str, dict[str, Any]] = {}
     reasons: dict[str, str] = {}
@@ -256,7 +256,7 @@ def measured(problem: Problem, accuracy: float, repeat: int) -> dict[str, Any]:
     compiled = acausal.compile(problem.model)
     run = acausal.simulate(compiled, solver="rosenbrock", tolerance=1e-12, stop_time=problem.stop, native=True)
     exact = np.array([float(run.final(name)) for name in problem.states])
-    # f of the mixed error, as in acausal bench: the size of a variable, between a thousandth of its nominal one and 1
+    # f of the mixed error, as in acausal bench: the magnitude of a variable, from a thousandth of its nominal one to 1
     floor = np.clip(np.abs(exact), problem.smallest, 1.0)
     row: dict[str, Any] = {}
     methods: dict[str, dict[str, dict[str, Any]]] = {}
@@ -269,7 +269,7 @@ def measured(problem: Problem, accuracy: float, repeat: int) -> dict[str, Any]:
             reasons = {side: f"{type(error).__name__}: {str(error).splitlines()[0][:100]}"}
         if not methods.get(side):
             row[side] = {"failure": "; ".join(f"{name}: {why}" for name, why in reasons.items())}
-    for side, found in methods.items():  # a method that takes seconds where another takes less is not repeated
+    for side, found in methods.items():  # a method that takes seconds is not repeated if another one is faster
         quickest = min((m["first call"] for m in found.values()), default=0.0)
         methods[side] = {name: m for name, m in found.items() if m["first call"] <= max(quickest, 1.0)}
     jobs = {f"{side}: {name}": m.pop("run") for side, found in methods.items() for name, m in found.items()}

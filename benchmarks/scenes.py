@@ -23,7 +23,7 @@ from acausal.library.multibody import BodyShape, Revolute, World
 from acausal.library.rotational import Damper
 
 LENGTH, MASS, INERTIA, DAMPING, ANGLE = 0.5, 1.0, (0.001, 0.02, 0.02), 0.2, 0.3
-"""Of each link: length [m], mass [kg], moments [kg.m2], damping of its hinge [N.m.s/rad], angle at the start [rad]."""
+"""For each link: length [m], mass [kg], moments [kg.m2], damping of its hinge [N.m.s/rad], initial angle [rad]."""
 AXES = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
 """Hinges turn about z and y in turn."""
 
@@ -31,7 +31,7 @@ AXES = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))
 class SpatialChain(Component):
     """`n` links on damped hinges about z and y in turn, hanging at an angle in gravity along -x; motion is 3D.
 
-    Damped, because an undamped chain is chaotic: after 10 s nobody's digits would mean anything.
+    It is damped because an undamped chain is chaotic: after 10 s, no digit of any result would be meaningful.
     """
 
     n: int = structural(default=4, doc="Number of links")
@@ -44,7 +44,7 @@ class SpatialChain(Component):
     experiment: ClassVar[Experiment] = Experiment(stop_time=10.0, tolerance=1e-8)
 
     def build(self) -> None:
-        # links lie along x, so x points down
+        # Links lie along x, so x points down.
         self.world = World(n=(1.0, 0.0, 0.0))
         self.joints = [Revolute(n=AXES[k % 2], phi=fixed(ANGLE), w=fixed(0.0)) for k in range(self.n)]
         self.dampers = [Damper(d=self.d) for _ in range(self.n)]

@@ -1,11 +1,11 @@
-"""Derivatives of a run beside runs: ten parameters of ThickBlock at 1e-8, and of a chain of 40 masses.
+"""Cost of the derivatives of a run relative to runs: ten parameters of ThickBlock at 1e-8, and of a chain of 40 masses.
 
     python benchmarks/sensitivities.py
 
-Medians of five rounds of processor time, a run and both methods in turn in each. "interpreted" differentiates a run
-that is not compiled, with the default solver of the model and steps in Python; "default" leaves to the program what to
-compile, once it has; "compiled" takes compiled `rosenbrock` and compiled steps. Each is divided by a run of the same
-kind; "20 runs" are what central differences cost with the compiled one.
+Medians of processor time of five rounds, each with a run and both methods in turn. "interpreted" differentiates a run
+that is not compiled, with the default solver of the model and steps in Python; "default" leaves the decision on
+compiling to the program, after it has compiled; "compiled" uses compiled `rosenbrock` and compiled steps. Each is
+divided by a run of the same kind; "20 runs" is the cost of central differences with the compiled one.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 class Chain(Component):
-    """40 masses in a row on springs that stiffen, each five of them of one stiffness; a force pulls at the last."""
+    """40 masses in a row on stiffening springs, in groups of five with equal stiffness; a force pulls on the last."""
 
     m: Real = parameter(default=1.0)
     d: Real = parameter(default=0.1)

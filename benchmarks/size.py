@@ -1,17 +1,17 @@
-"""Claim: compiling grows in proportion to the model, and the solve costs what the hand-written reduced system costs.
+"""Claim: compile time grows linearly with the model, and the solve costs the same as the hand-written reduced system.
 
 Three families from library components: the RC ladder, the chain of masses with springs and dampers, the chain of hinged
 links in three dimensions. Every size is compiled in a fresh process, after a model of two elements has loaded all code,
-so that memory is its own. The first run makes the functions that later runs share; the solve is a later run.
+so that its memory can be measured. The first run makes the functions that later runs share; the solve is a later run.
 
-The judge of the solve: the same ladder or chain written down by hand as its reduced ODE in CasADi, integrated by the
-same IDAS at the tolerance that acausal hands to it, to the same 500 output times, its results read without copies as
-acausal reads them. Both are timed in turn; chains and ladders therefore run with IDAS, and "default" is a run with what
-the program selects by itself. The hand-written side makes its integrator once and keeps it: its time is that of
-stepping and of one column; ours is a whole `simulate` of the compiled model and the reading of one signal that is no
-state.
+The solve is compared with the same ladder or chain written by hand as its reduced ODE in CasADi, integrated by the same
+IDAS at the tolerance that acausal passes to it, to the same 500 output times, with results read without copies as
+acausal reads them. Both are timed in turn; chains and ladders therefore run with IDAS, and "default" is a run with the
+solver that the program selects. The hand-written side makes its integrator once and keeps it: its time is that of
+stepping and of one column; that of acausal is a whole `simulate` of the compiled model and the reading of one signal
+that is not a state.
 
-Times are seconds of processor time of the process, which are the wall's on an idle machine; goals are judged by them.
+Times are seconds of processor time of the process, which equal wall time on an idle machine; goals are judged by them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from typing import Any
 
 SIZES = {"chain": (20, 400, 5000), "ladder": (1000, 4000, 10_000, 100_000), "pendulum": (4, 16, 64)}
 QUICK = {"chain": (20, 400), "ladder": (1000,), "pendulum": (4, 16)}
-# Seconds for making and compiling.
+# Largest seconds for creating and compiling.
 GOALS = {
     ("chain", 20): 0.1,
     ("chain", 400): 1.0,
@@ -46,13 +46,13 @@ RATIO, EXPONENT, MEMORY = 1.3, 1.05, 3000.0
 
 @dataclass
 class Stop:
-    """Processor and wall time since it was made."""
+    """Stopwatch of processor and wall time since its creation."""
 
     def __post_init__(self) -> None:
         self.processor, self.wall = time.process_time(), time.perf_counter()
 
     def read(self) -> dict[str, float]:
-        """Seconds since then."""
+        """Seconds since the creation."""
         return {"cpu": time.process_time() - self.processor, "wall": time.perf_counter() - self.wall}
 
 
@@ -71,7 +71,7 @@ def model_of(family: str, n: int) -> Any:
 
 
 def measured(family: str, n: int, repetitions: int) -> dict[str, Any]:
-    """All numbers of one size; to be called once in a process."""
+    """All measurements of one size; to be called once per process."""
     import acausal
 
     acausal.simulate(model_of(family, 2)).final("time")
@@ -121,7 +121,7 @@ def measured(family: str, n: int, repetitions: int) -> dict[str, Any]:
 
 
 def alternated(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> tuple[dict[str, float], float]:
-    """Median processor seconds of every job, one of each in turn; and of the stepping that one of them reports."""
+    """Median processor seconds of every job, run in turn, and of the stepping time reported by one of them."""
     whole: dict[str, list[float]] = {name: [] for name in jobs}
     inner: list[float] = []
     for k in range(repetitions + 1):
@@ -138,7 +138,7 @@ def alternated(jobs: Mapping[str, Callable[[], Any]], repetitions: int) -> tuple
 
 
 def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
-    """The reduced system as one would write it for CasADi; a call integrates it and returns the seconds of stepping."""
+    """The reduced system as typically written for CasADi; a call integrates it and returns the seconds of stepping."""
     import casadi as ca
     import numpy as np
 
@@ -176,12 +176,12 @@ def by_hand(family: str, n: int, compiled: Any) -> Callable[[], float] | None:
 
         return run
 
-    # somebody who writes it by hand takes the faster one; which one that is depends on the size
+    # A program by hand would use the faster one; which one that is depends on the size.
     return min(map(runner, ("qr", "csparse")), key=lambda run: min(run() for _ in range(3)))
 
 
 def ladder(n: int) -> tuple[Any, Any, Callable[[Any, Any], Any]]:
-    """C*dv[k]/dt = (v[k-1] - 2*v[k] + v[k+1])/R with V before the first section, nothing behind the last."""
+    """C*dv[k]/dt = (v[k-1] - 2*v[k] + v[k+1])/R with V before the first section, nothing after the last."""
     import casadi as ca
     import numpy as np
 
@@ -206,7 +206,7 @@ def chain(n: int) -> tuple[Any, Any, Callable[[Any, Any], Any]]:
 
 
 def row(family: str, n: int, r: Mapping[str, Any]) -> str:
-    """One line for a person."""
+    """One readable line."""
     whole, wall = (r["make"][kind] + r["compile"][kind] for kind in ("cpu", "wall"))
     goal = GOALS.get((family, n))
     judged = "" if goal is None else f" (goal {goal:g}: {'met' if whole <= goal else 'MISSED'})"

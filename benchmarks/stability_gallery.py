@@ -1,4 +1,4 @@
-"""Writes docs/stability-gallery.md and its pictures: 23 small scenes, the methods that fail on them, what is done here.
+"""Writes docs/stability-gallery.md and its pictures: 23 small scenes, the methods that fail on them, and the remedies.
 
 Every curve and every figure on the page comes from a run made by this command; the verdicts are those of
 `acausal stability`.
@@ -93,7 +93,7 @@ def section(exhibit: Exhibit) -> Iterator[str]:
 
 
 def verdict(name: str) -> str:
-    """What `acausal stability` says, in one line."""
+    """The verdict of `acausal stability` in one line."""
     model = next(m for m in shipped_models() if m.name == name)
     cls: Any = getattr(importlib.import_module(model.module), name)
     command = f"`acausal stability {name}`"

@@ -1,7 +1,8 @@
-"""Claim: a sweep costs at most 1.2 times the bare loop of compiled runs, and is linear in its workers.
+"""Claim: a sweep costs at most 1.2 times a plain loop of compiled runs, and scales linearly with its workers.
 
-ThinPlate (10 000 RK2 steps of 1 ms, compiled to C) with many feed rates. The bare loop calls `simulate` of the compiled
-model and reads one signal; the sweep does the same with one worker, with two and so on, and keeps everything in a file.
+ThinPlate (10 000 RK2 steps of 1 ms, compiled to C) with many feed rates. The plain loop calls `simulate` of the
+compiled model and reads one signal; the sweep does the same with one worker, two and so on, and stores all signals in a
+file.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SIGNAL = "drill.F_f"
 
 
 def clock() -> float:
-    """Processor seconds of this process and of those that have ended."""
+    """Processor seconds of this process and of its finished children."""
     return sum(os.times()[:4])
 
 
@@ -40,7 +41,7 @@ def bare(feeds: np.ndarray) -> tuple[float, float, list[float]]:
 
 
 def swept(feeds: np.ndarray, workers: int, file: Path) -> tuple[float, float, acausal.Sweep]:
-    """Processor and wall seconds of the sweep, all of it."""
+    """Processor and wall seconds of the whole sweep."""
     busy, began = clock(), time.perf_counter()
     found = acausal.sweep(ThinPlate(), {"v": feeds}, signals=[SIGNAL], workers=workers, native=True, file=file)
     return clock() - busy, time.perf_counter() - began, found
@@ -65,7 +66,7 @@ def main() -> None:
                 own, seconds, found = swept(feeds, n, Path(folder) / "plates.sweep")
             costs[n].append(own / busy)
             speeds[n].append(wall / seconds)
-            # a run has rows at its events besides those of the grid, which all members of a sweep share
+            # A run has rows at its events in addition to those of the grid that all members of a sweep share.
             assert np.allclose(found[SIGNAL].max(axis=1), largest, rtol=1e-12, atol=0.0)
     cost, speed = ({n: statistics.median(r) for n, r in found.items()} for found in (costs, speeds))
     shares = ", ".join(f"{n} worker{'s' if n > 1 else ''} {cost[n]:.2f} ({speed[n]:.2f} times as fast)" for n in counts)

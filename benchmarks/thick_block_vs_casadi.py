@@ -1,14 +1,14 @@
 """Claim: ThickBlock, composed of 3D components, solved by IDAS costs at most 1.5 times a hand-written CasADi DAE.
 
 Both run in this process, in turn, and both keep their integrators from one run to the next. The hand-written problem
-has the same equations on four scalar states and one algebraic variable, the same cuts at the corners of the profiles,
-the same output grid and its own output function. Each time covers everything from the equations as CasADi functions to
-the outputs: start values, stepping, outputs. For the composed model these are all of its signals, against eight of the
+has the same equations in four scalar states and one algebraic variable, the same restarts at the corners of the
+profiles, the same output grid and its own output function. Each time covers everything from the equations as CasADi
+functions to the outputs: start values, stepping, outputs. These are all signals of the composed model, and eight of the
 hand-written one.
 
-Beside it stand the same hand-written problem that makes its integrators in every run, and, with integrators kept, at
-the tenth of the tolerance that acausal hands to IDAS; the depths of all against the table of docs/drilling.md, and
-against a run of the hand-written problem at 1e-12.
+Also measured are the same hand-written problem with integrators made in every run, and, with integrators kept, at the
+tenth of the tolerance that acausal passes to IDAS. The depths of all are compared with the table of docs/drilling.md,
+and with a run of the hand-written problem at 1e-12.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import acausal
 from acausal.models.drilling_dynamic import FORCE, SPEED, ThickBlock
 
 LIMIT = 1.5
-# Time in s; s and s_tar in mm, good to 1e-6 mm: computed apart from this project.
+# Time in s; s and s_tar in mm, accurate to 1e-6 mm: computed independently of this project.
 ORACLE = (
     (1.5, 0.009996, 0.0),
     (6.0, 1.935942, 1.915942),
@@ -44,14 +44,14 @@ SCALE_X, SCALE_Z = np.array([1.0, 1.0, 1.0, 1e-3]), 1e6
 
 @dataclass(frozen=True, eq=False)
 class ByHand:
-    """The scene as somebody would write it down for CasADi: states s, v, phi, s_tar [mm]; line force [N/um]."""
+    """The scene as typically written for CasADi: states s, v, phi, s_tar [mm]; line force [N/um]."""
 
     dae: Any
     outputs: Any
     corners: tuple[float, ...]
 
     def solve(self, interval: float, tolerance: float, made: dict[float, Any] | None = None) -> tuple[Any, Any]:
-        """Times and the eight outputs, from equations to numbers; integrators found in `made` are not made again."""
+        """Times and the eight outputs, from equations to numbers; integrators found in `made` are reused."""
         x = np.array([-GAP, 0.0, 0.0, 0.0])
         # Before the touch nothing turns: k s = width of the mirrored cone times the line force.
         z = np.array([-K / (2 * math.tan(SIGMA / 2)) / SCALE_Z])
@@ -138,7 +138,7 @@ def _drill(s: Any, v: Any, s_tar: Any, q: Any, n: Any) -> tuple[Any, Any, Any]:
 
 
 def _line(profile: tuple[tuple[float, float], ...], a: float, b: float) -> tuple[float, float]:
-    """Value at `a` and slope of a profile between two times without a corner between them."""
+    """Value at `a` and slope of a profile between two times that have no corner between them."""
     for (t0, y0), (t1, y1) in pairwise(profile):
         if t0 <= a and b <= t1:
             slope = (y1 - y0) / (t1 - t0)
@@ -147,14 +147,14 @@ def _line(profile: tuple[tuple[float, float], ...], a: float, b: float) -> tuple
 
 
 def _worst(time: Any, s: Any, s_tar: Any) -> float:
-    """Largest distance from the table, in mm."""
+    """Largest deviation from the table, in mm."""
     at = _rows(time)
     table = np.array(ORACLE)
     return float(max(np.abs(1e3 * s[at] - table[:, 1]).max(), np.abs(1e3 * s_tar[at] - table[:, 2]).max()))
 
 
 def _rows(time: Any) -> list[int]:
-    """Rows of the times of the table."""
+    """Rows at the times of the table."""
     return [int(np.argmin(np.abs(time - t))) for t, *_ in ORACLE]
 
 

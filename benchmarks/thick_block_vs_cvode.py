@@ -1,10 +1,11 @@
 """Claim: ThickBlock, 40 s, at an error of 1e-8 m: no slower than a hand-written C right-hand side driven by CVODE.
 
-`thick_block_by_hand.c` is what somebody would write: three states, the line force by Newton's method inside the
+`thick_block_by_hand.c` is a typical program by hand: three states, the line force by Newton's method inside the
 right-hand side, restarts at the corners of the profiles, SUNDIALS' CVODE with a dense Jacobian. Both sides are tuned by
-their tolerance; of each, the fastest setting counts whose depths at 1.5, 6, 10, 20, 30 and 40 s are within 1e-8 m of
-the C program at 1e-12. Neither has an algebraic variable: (20) is solved inside the equations. Compiled rosenbrock runs
-against it, and IDAS. Medians of processor times; of acausal the whole call, and what of it is compiled C.
+their tolerance; for each, the fastest setting counts whose depths at 1.5, 6, 10, 20, 30 and 40 s are within 1e-8 m of
+the C program at 1e-12. Neither has an algebraic variable: (20) is solved inside the equations. It is compared with
+compiled rosenbrock and with IDAS. Times are medians of processor times; for acausal, of the whole call and of its
+compiled part.
 
     apt-get install libsundials-dev        # the C library with its headers
     python benchmarks/thick_block_vs_cvode.py
@@ -70,7 +71,7 @@ def inside_c() -> Iterator[list[float]]:
 
 
 def ours(compiled: Any, solver: str, tolerance: float, repeat: int) -> tuple[Any, dict[str, float]]:
-    """Depths at the checks, and medians of some runs."""
+    """Depths at the checks, and medians of several runs."""
     compiled_part, whole = [], []
     with inside_c() as spent:
         run = acausal.simulate(compiled, solver=solver, tolerance=tolerance, native=True, output_interval=0.5)

@@ -1,7 +1,7 @@
 """Claim: ThinPlate, 10 s in 10 000 RK2 steps of 1 ms, solves in less than 5 ms, interpreted.
 
-A whole call of `simulate` stands beside a hand-written CasADi function of the same method on the same two states, which
-is called only: it looks for no contact and for no event. Processor times in turn.
+A whole call of `simulate` is compared with a single call of a hand-written CasADi function of the same method on the
+same two states, which checks neither contacts nor events. Processor times, in turn.
 """
 
 from __future__ import annotations

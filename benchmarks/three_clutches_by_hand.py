@@ -1,8 +1,8 @@
 """The drive of `acausal.models.clutches.ThreeClutchDrive`, written by hand for integrators that stop at events.
 
-Four speeds; each clutch is free, slides forward or backward, or is stuck. Every stretch between two events is an ODE
-with these modes fixed and a guard for each clutch; at an event the modes are decided anew, lowest clutch first. That is
-what the compiler makes of the components by itself.
+Four speeds; each clutch is free, slides forward or backward, or is stuck. Every segment between two events is an ODE
+with fixed modes and a guard for each clutch; at an event the modes are determined again, starting with the lowest
+clutch. The compiler does the same automatically for the components.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _STARTS = (0.0, 0.4, 0.9)
 
 
 def limits(t: float, stretch: int) -> list[float]:
-    """Torque that each clutch transmits when it slides, within the stretch that begins at `_STARTS[stretch]`."""
+    """Torque that each clutch transmits when it slides, within the segment that begins at `_STARTS[stretch]`."""
     wave = math.sin(2 * math.pi * 0.2 * t + 1.57)
     forces = (wave, float(stretch >= 1), float(stretch >= 2))
     return [_FRICTION * _FORCE * max(force, 0.0) for force in forces]
@@ -37,7 +37,7 @@ def torques(t: float, modes: Modes, stretch: int) -> list[float]:
     stuck = [k for k in range(3) if modes[k] == STUCK]
     if not stuck:
         return found
-    # equal accelerations: 2*tau[k] - tau[k-1] - tau[k+1] is what drives both sides apart
+    # Equal accelerations: 2*tau[k] - tau[k-1] - tau[k+1] is the torque that accelerates both sides apart.
     matrix, right = np.zeros((len(stuck), len(stuck))), np.zeros(len(stuck))
     for row, k in enumerate(stuck):
         right[row] = drive if k == 0 else 0.0
@@ -56,7 +56,7 @@ def rates(t: float, w: Any, modes: Modes, stretch: int) -> list[float]:
 
 
 def guards(t: float, w: Any, modes: Modes, stretch: int) -> list[float]:
-    """For each clutch what falls to zero when its mode ends, and the force of the first one."""
+    """For each clutch a function that falls to zero when its mode ends, and the force of the first one."""
     most, transmitted = limits(t, stretch), torques(t, modes, stretch)
     found = []
     for k, mode in enumerate(modes):
@@ -68,7 +68,7 @@ def guards(t: float, w: Any, modes: Modes, stretch: int) -> list[float]:
 
 
 def decided(t: float, w: Vector, before: Modes, stretch: int, reached: int | None) -> Modes:
-    """The modes after an event at guard `reached`, or at the start of a stretch."""
+    """The modes after an event at guard `reached`, or at the start of a segment."""
     most = limits(t, stretch)
     modes = list(before)
     for k in range(3):
@@ -78,7 +78,7 @@ def decided(t: float, w: Vector, before: Modes, stretch: int, reached: int | Non
         elif modes[k] == FREE:
             modes[k] = STUCK if abs(apart) < 1e-9 else int(math.copysign(1, apart))
         elif reached == k:
-            # a stuck one breaks loose the way it was driven, one that slid may stick
+            # A stuck clutch breaks loose in the direction in which it was driven; a sliding one may stick.
             driven = torques(t, tuple(modes), stretch)[k]
             modes[k] = int(math.copysign(1, driven)) if modes[k] == STUCK else STUCK
     for _ in range(10):
@@ -94,7 +94,7 @@ Solve = Callable[[float, float, Vector, Modes, int], tuple[float, Vector, int | 
 
 
 def drive(solve: Solve) -> tuple[Vector, int]:
-    """Final speeds, and how many events there were; `solve` goes on to the next one, or to the end of a stretch."""
+    """Final speeds, and the number of events; `solve` integrates to the next event or to the end of a segment."""
     w, modes, events = np.array([10.0, 0.0, 0.0, 0.0]), (FREE, FREE, FREE), 0
     for stretch, (t, end) in enumerate(zip(_STARTS, (*_STARTS[1:], STOP), strict=True)):
         modes = decided(t, w, modes, stretch, None)

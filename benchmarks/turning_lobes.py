@@ -1,10 +1,10 @@
-"""The stability chart of turning, by closed form and by simulation with delays.
+"""The stability chart of turning, from the closed form and by simulation with delays.
 
     python benchmarks/turning_lobes.py [--picture docs/images/turning-lobes.png]
 
 Closed form: with the receptance G of the tool, widths of cut b = -1 / (2 K Re G(i w)) at turns of T = (2 pi n - arg(1 +
 1 / (K b G))) / w are limits (J. Tlusty, M. Polacek, 1963). Simulated: `RegenerativeTurning` 5 % below and above the
-limit at a dozen speeds, called unstable when the chip varies more in the last fifth than in the fifth before it.
+limit at a dozen speeds; it counts as unstable if the chip varies more in the last fifth than in the one before.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def limit(speed: float) -> float:
 
 
 def grows(compiled: CompiledModel, speed: float, b: float) -> bool:
-    """Whether the chip varies more and more."""
+    """Whether the variation of the chip grows."""
     turn = 60.0 / speed
     r = acausal.simulate(compiled, stop_time=40 * turn, tolerance=1e-7, parameters={"turn": turn, "b": b})
     h, t = r["cut.h"], r.time / turn

@@ -1,11 +1,11 @@
-"""Claim: a reader who follows a run meets few files, one meaning in one place, and no imports in a circle.
+"""Claim: a reader who follows a run meets few files, one meaning in one place, and no circular imports.
 
     python benchmarks/walks.py
 
-Walks are followed while the program runs: each call from a function of one file into a function of another is a hop.
-Code that runs when a module is loaded does not count. A bounce is the second of a ball that falls on a floor: how the
-driver integrates up to it and passes it. What is read from the source: where a tolerance is multiplied or divided,
-modules that need each other when imports inside functions and under TYPE_CHECKING count too, and folders with more than
+Walks are recorded while the program runs: each call from a function in one file to a function in another is a hop. Code
+that runs when a module is loaded does not count. A bounce is the second one of a ball that falls on a floor: how the
+driver integrates up to the event and passes it. Read from the source: where a tolerance is multiplied or divided,
+modules that depend on each other, counting imports inside functions and under TYPE_CHECKING, and folders with more than
 ten modules.
 """
 
@@ -30,15 +30,15 @@ from acausal.models.oscillator import Oscillator
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = tuple(f"{ROOT / name}/" for name in ("acausal", "library", "models"))
-# The function that goes to an event and passes it.
+# The function that integrates up to an event and passes it.
 BOUNCE = "Hybrid.advance"
-# What is wanted: files and hops of the Oscillator, files of a bounce, modules of a folder.
+# Goals: files and hops of the Oscillator, files of a bounce, modules of a folder.
 FILES, HOPS, BOUNCE_FILES, MODULES = 45, 600, 9, 10
 
 
 @dataclass
 class Walk:
-    """Where a program has been."""
+    """The functions and files that a program has visited."""
 
     files: set[str] = field(default_factory=set)
     functions: set[tuple[str, str]] = field(default_factory=set)
@@ -75,7 +75,7 @@ def _is_loading(frame: FrameType | None) -> bool:
 
 
 def walk(run: Callable[[], object]) -> Walk:
-    """Where `run` has been."""
+    """The walk of `run`."""
     found = Walk()
     sys.setprofile(found)
     try:
@@ -143,7 +143,7 @@ def _last(node: ast.expr) -> str:
 
 
 def circles() -> list[list[str]]:
-    """Modules that need each other, the largest circle first."""
+    """Modules that depend on each other, the largest cycle first."""
     modules = {name: tree for name, _, tree in trees()}
     place = {name: k for k, name in enumerate(modules)}
     edges = {

@@ -1,9 +1,9 @@
 """Claim: `acausal simulate ThickBlock` takes less than 1.5 s as a whole process, its solve less than 0.05 s.
 
 Every repetition is a fresh process that imports, compiles, solves 40 s at 1e-8 and saves all signals to a .mat file;
-its own account of the stages is what `acausal simulate --json` prints. The first process, which fills the caches of the
-disk and of Python's compiler, is not counted. The goal is judged by processor time, which is the elapsed time on an
-idle machine; the stages are elapsed times, of which the shares count.
+the times of its stages are those printed by `acausal simulate --json`. The first process, which fills the caches of the
+disk and of Python's compiler, is not counted. The goal is judged by processor time, which equals the elapsed time on an
+idle machine; the stages are elapsed times, of which only the proportions matter.
 """
 
 from __future__ import annotations

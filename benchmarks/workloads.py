@@ -1,11 +1,11 @@
-"""The rows of work that was not looked at first: many events, many bodies, reading, many runs, beside peers by hand.
+"""Further workloads compared with hand-written programs: many events, many bodies, reading of results, many runs.
 
     python benchmarks/workloads.py [--only converter balls] [--json]
 
-Every row runs its sides in turn in one process; figures are medians of the processor time, ratios medians over the
-rounds. Ends are honest: both sides read what they have computed, forces are evaluated, bodies move through air (a ball
-in a vacuum flies a parabola, which every method has exactly), and the hand-written side keeps its integrators.
-`fields.py` and `contact.py` have the rows of fields and of contacts, `sweep.py` that of sweeps.
+Every row runs its sides in turn in one process; times are medians of processor time, ratios are medians over the
+rounds. To be fair, both sides read what they have computed, forces are evaluated, bodies move through air (every method
+is exact for the parabola of a ball in a vacuum), and the hand-written side keeps its integrators. `fields.py` and
+`contact.py` have the rows of fields and contacts, `sweep.py` that of sweeps.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ Job = Callable[[], float]
 
 
 def in_turn(jobs: dict[str, Job], rounds: int) -> tuple[dict[str, list[float]], dict[str, float]]:
-    """Processor seconds of every job, one of each in turn after one of each unmeasured; and what they answer."""
+    """Processor seconds of every job, run in turn after an unmeasured round, and their results."""
     answers: dict[str, float] = {}
 
     def answered(name: str, job: Job) -> Callable[[], None]:
@@ -61,7 +61,7 @@ def in_turn(jobs: dict[str, Job], rounds: int) -> tuple[dict[str, list[float]], 
 
         return run
 
-    # its collections of garbage between jobs charge no side with what another one has left
+    # `alternated` collects garbage between jobs, so that no side pays for what another one has left.
     return alternated({name: answered(name, job) for name, job in jobs.items()}, rounds), answers
 
 
@@ -80,7 +80,7 @@ def clutches(n: int) -> dict[str, Job]:
 
 
 def converter() -> dict[str, Job]:
-    """4000 switchings; the matrix exponential is the program of somebody who knows that the current never ends."""
+    """4000 switchings; the matrix exponential assumes knowledge that the current never ends."""
     from scipy.linalg import expm
 
     def exactly() -> float:
@@ -128,7 +128,7 @@ class Ball(Component):
 
 
 class Balls(Component):
-    """Many of them, each from another height."""
+    """Many balls, dropped from different heights."""
 
     n: int = structural(default=BALLS)
     ball: list[Ball] = part()
@@ -138,7 +138,7 @@ class Balls(Component):
 
 
 def balls_scipy(tolerance: float = TOLERANCE) -> float:
-    """The same as one system: the lowest ball ends a stretch."""
+    """The same balls as one system, in which the lowest one ends a segment."""
     from scipy.integrate import solve_ivp
 
     def rate(t: float, y: Any) -> Any:
@@ -179,7 +179,7 @@ def balls() -> dict[str, Job]:
 
 
 def reading(n: int = 10_000) -> dict[str, Job]:
-    """Run the ladder and read one current, against the same ladder stepped by hand: its integrator is kept."""
+    """Run the ladder and read one current, compared with the same ladder by hand, which keeps its integrator."""
     compiled = acausal.compile(RCLadder(n=n))
     experiment = compiled.flat.experiment
     tolerance = SMOOTH_FRACTION * experiment.tolerance
@@ -213,7 +213,7 @@ def reading(n: int = 10_000) -> dict[str, Job]:
     return {"acausal": ours, "CasADi by hand": by_hand}
 
 
-# A row of ThinPlate at which the drill cuts; it is the one in the loop, too.
+# A row of ThinPlate at which the drill cuts; the loop prints the same one.
 ROW = 200
 LOOP = """
 #include <stdio.h>
@@ -277,7 +277,7 @@ def plate(rounds: int) -> dict[str, Any]:
 
 
 def runs() -> dict[str, Job]:
-    """One of many runs of ThickBlock, its mass another one each time; by hand CasADi keeps its integrators."""
+    """One of many runs of ThickBlock with different masses; CasADi by hand keeps its integrators."""
     compiled, hand = acausal.compile(ThickBlock()), thick_block_vs_casadi.by_hand()
     made: dict[float, Any] = {}
     masses = iter(np.linspace(4.9, 5.1, 100_000))

@@ -1,4 +1,4 @@
-"""What all tests share: the reference data, a windowless plotting backend, and property tests without a stop watch."""
+"""Common configuration of all tests: reference data, a windowless plotting backend, property tests without deadline."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from hypothesis import settings
 from acausal.simulate.native import cache
 from tests.slow_cases import COLLECTED, is_slow
 
-# Compiled libraries of the developer's own models are neither used nor added to.
+# The developer's cache of compiled models is neither used nor changed.
 os.environ.setdefault("ACAUSAL_CACHE", str(Path(tempfile.gettempdir()) / "acausal-tests"))
 # Set here, before any test can import matplotlib.
 os.environ["MPLBACKEND"] = "Agg"
 
-# Runs share the processor with others: a deadline per example would measure them, not the code.
+# Tests share the processor with other processes: a deadline per example would measure these rather than the code.
 settings.register_profile("acausal", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("acausal")
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# Where compiled code itself is on trial: there the slow part compiles as users do.
+# Tests of compiled code itself, whose slow cases compile with optimisation, as users do.
 OPTIMISED = ("tests/simulate/test_native.py", "tests/simulate/test_native_columns.py")
 USERS_FLAGS = cache.FLAGS
 cache.FLAGS = ("-O0", *USERS_FLAGS[1:])
@@ -32,15 +32,15 @@ cache.FLAGS = ("-O0", *USERS_FLAGS[1:])
 
 @pytest.fixture(autouse=True)
 def flags(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """C is compiled without optimisation in a fifth of the time: tests assert numbers, and those are the same."""
+    """Compile C without optimisation, in a fifth of the time: tests assert numbers, which do not depend on it."""
     item: pytest.Item = request.node
     if item.get_closest_marker("slow") is not None and item.nodeid.startswith(OPTIMISED):
         monkeypatch.setattr(cache, "FLAGS", USERS_FLAGS)
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest leaves out what is marked as slow
+@pytest.hookimpl(tryfirst=True)  # before pytest deselects slow tests
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Long cases are slow."""
+    """Mark the cases listed in `slow_cases.txt` as slow."""
     for item in items:
         if is_slow(item.nodeid):
             item.add_marker(pytest.mark.slow)
@@ -49,7 +49,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """What was imported and collected stays: to look through it again took a tenth of all time."""
+    """Exclude imported and collected objects from garbage collection, which took a tenth of the total time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000, 20, 20)
