@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import acausal
@@ -14,6 +15,7 @@ from acausal import (
     Real,
     assert_,
     boolean,
+    cos,
     delay,
     der,
     fixed,
@@ -94,3 +96,26 @@ def test_a_relay_switches() -> None:
     found = acausal.simulate(Switched(), stop_time=2.0 * math.pi)
     assert found.final("area") == pytest.approx(0.0, abs=1e-6)
     assert [e.time for e in found.events] == pytest.approx([k * math.pi / 6 for k in (1, 5, 7, 11)], abs=1e-6)
+
+
+class Beside(Component):
+    """x = t passes 1/2, 3/2 and 5/2; the area below cos(t) acts on nothing, and is solved apart."""
+
+    x: Real = variable(default=fixed(0.0))
+    area: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(self.n > 9.0, 0.0, 1.0)
+        yield der(self.area) == cos(time)
+        yield when(self.x > self.n + 0.5, reset(self.n, pre(self.n) + 1))
+
+
+@pytest.mark.parametrize(("solver", "native"), [("rk2", False), ("rk2", True), ("rk", False), ("collocation", False)])
+def test_they_are_right_at_all_rows_of_fixed_steps(solver: str, native: bool) -> None:
+    """At outputs, which are no mesh points of a search of events by even steps, and on both sides of each event."""
+    result = acausal.simulate(Beside(), stop_time=3.0, solver=solver, step=1e-3, output_interval=0.0137, native=native)
+    assert result.final("n") == 3.0
+    assert [e.time for e in result.events] == pytest.approx([0.5, 1.5, 2.5], abs=1e-9)
+    assert np.abs(result["area"] - np.sin(result.time)).max() < 1e-8
+    assert result.at(1.234, "area") == pytest.approx(math.sin(1.234), abs=1e-8)

@@ -258,11 +258,11 @@ class Run:
         """The driver at the start of the run."""
         opts, problem, solver = self.options, self.problem, self.solver
         grid = opts.grid() if self.outputs is None else self.outputs
-        if not self.solver.multistep:
-            grid = np.union1d(grid, self.tables.instants)
         if self.outputs is None:
             self.hidden = looks(self.compiled, opts, self.solver.fixed_step)
-            grid = np.union1d(grid, self.hidden)
+        more = [self.hidden] if self.solver.multistep else [self.hidden, self.tables.instants]
+        if any(map(len, more)):
+            grid = np.unique(np.concatenate([grid, *more]))
         bounds = self.tables if self.solver.multistep else NONE
         known = schedule(self.compiled, self.p, self.inputs, instants, grid, bounds, opts.max_step)
         template = self.segment(float(instants[0]), known.times, start.x, start.z, m)

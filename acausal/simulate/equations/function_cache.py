@@ -59,6 +59,7 @@ class FunctionCache:
     # `-> distances` with the sign of their modes, positive while these hold
     watch = _buffered(lambda model: model.events.watch)
     rates = _buffered(lambda model: model.events.rates)  # see `guard_rates`
+    conditions = _buffered(lambda model: model.conditions)  # `-> (used, surplus)`
     guess = _buffered(lambda model: model.guess)  # `(p) -> (x, z)` as declared
     constants = _buffered(lambda model: model.constants)  # `(p) -> c`, in the order of `constant_nodes`
     instants = _buffered(lambda model: model.instants)  # `(p) -> times of the relations of time`

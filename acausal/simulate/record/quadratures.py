@@ -9,12 +9,15 @@ of it for its construction.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from acausal.arrays import Indices, Vector
-from acausal.simulate.solvers.segment import Tolerances
+
+if TYPE_CHECKING:  # solvers import this module
+    from acausal.simulate.solvers.segment import Tolerances
 
 _ORDER = 16
 _POINTS = np.cos(np.pi * (np.arange(_ORDER + 1) + 0.5) / (_ORDER + 1))

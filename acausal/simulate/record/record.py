@@ -189,7 +189,7 @@ class Recorder:
 
     def magnitudes(self, n: int) -> Vector:
         """The largest magnitude of each of the first n states, without an array of all rows."""
-        return np.asarray(np.maximum.reduce([np.maximum(x[:n].max(axis=1), -x[:n].min(axis=1)) for x in self._x]))
+        return np.asarray(np.maximum.reduce([np.maximum(*_extremes(x[:n])) for x in self._x]))
 
     def before(self, t: float) -> int:
         """Index of the last row that is not after `t`."""
@@ -232,6 +232,16 @@ class Recorder:
             function = functions_of(self.compiled).observing(tuple(indices[is_other].tolist()), is_blended)
             values[:, is_other] = function.many(times[:, None], states, z.T, self.u, p, m.T)
         return values
+
+
+def _extremes(x: Vector) -> tuple[Vector, Vector]:
+    """The largest value of each row of x, and of each row of -x; shapes (n,).
+
+    Row by row if rows are long: solvers return one instant after the other, and NumPy goes through these.
+    """
+    if x.shape[1] > len(x):
+        return np.array([row.max() for row in x]), np.array([-row.min() for row in x])
+    return x.max(axis=1), -x.min(axis=1)
 
 
 def make_result(

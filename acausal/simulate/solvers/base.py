@@ -217,9 +217,9 @@ def program(problem: Problem, solver: object, segment: Segment) -> Library[Event
 
 def quadratures_at(problem: Problem, segment: Segment) -> Vector:
     """Quadratures (integrals of functions of time that act on nothing) at the output times; shape (nq, n)."""
-    if not problem.compiled.quadratures:
-        return np.zeros((0, len(segment.times)))
     indices = slice(problem.n_dynamic, problem.n_dynamic + problem.compiled.quadratures)
+    if segment.bare or not problem.compiled.quadratures:
+        return np.tile(segment.x[indices, None], (1, len(segment.times)))
     only = np.zeros(len(segment.times), dtype=np.int64)
     modes, discrete = segment.p[None, :], segment.x[None, len(segment.x) - problem.compiled.discretes :]
     grown = growth(problem, np.array([segment.start]), segment.times, only, modes, discrete, segment)
@@ -253,16 +253,13 @@ def growth(
 
 
 def _all_states(problem: Problem, segment: Segment, x: Vector) -> Vector:
-    """Return all states at the output times: those of the coupled system, quadratures, and discrete variables.
-
-    On a relative grid (`Segment.fractions`), which only serves to locate events, quadratures keep their start values.
-    """
+    """Return all states at the output times: those of the coupled system, quadratures, and discrete variables."""
     n, nq = problem.n_dynamic, problem.compiled.quadratures
     if len(segment.x) == n:
         return x
     all_x = np.empty((len(segment.x), x.shape[1]))
     all_x[:n], all_x[n:] = x, segment.x[n:, None]
-    if nq and segment.fractions is None:
+    if nq and not segment.bare:
         all_x[n : n + nq] = quadratures_at(problem, segment)
     return all_x
 

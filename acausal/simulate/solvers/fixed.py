@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,10 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.errors import UsageError
+from acausal.recent import Recent
+from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
+from acausal.simulate.equations.scaled import ScaledEquations
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.solvers.base import CasadiSolver, quadratures_at, unmoved
 from acausal.simulate.solvers.segment import Piece, Segment
@@ -134,12 +138,11 @@ class Rk2:
         p = problem.vector(segment.p, segment.x, segment.start)
         if problem.compiled.algebraic:
             p = np.concatenate([p, segment.z / problem.scale_z])
-        one = heun(problem.scaled.ode)
         found, done = [], 0
         for count, intervals in _runs(counts):
-            inner = _several(one, count)
-            run = inner.mapaccum("run", intervals, 1, _BASE) if intervals > 1 else inner
-            found.append(np.array(run(x, steps[:, done : done + count * intervals], p)))
+            th = steps[:, done : done + count * intervals].ravel(order="F")
+            (rows,) = _accumulated(problem.scaled, count, intervals)(x, th, np.tile(p, intervals))
+            found.append(rows.reshape(len(x), intervals))
             x = found[-1][:, -1]
             done += count * intervals
         return np.hstack(found), len(sizes)
@@ -147,6 +150,20 @@ class Rk2:
 
 # The base by which CasADi nests accumulations; its default of 10 takes four times as long to build (10 000 steps).
 _BASE = {"base": 4}
+# Functions that are cached for each form of the equations: to build one takes two or three times as long as a call.
+_MOST_CACHED = 64
+_ACCUMULATED: WeakKeyDictionary[ScaledEquations, Recent[BufferedFunction]] = WeakKeyDictionary()
+
+
+def _accumulated(equations: ScaledEquations, count: int, intervals: int) -> BufferedFunction:
+    """`(x, [t, h] of all steps, p of each interval) -> x at the end of each interval` of `count` steps."""
+    cached = _ACCUMULATED.setdefault(equations, Recent(_MOST_CACHED))
+    found = cached.get((count, intervals))
+    if found is None:
+        inner = _several(heun(equations.ode), count)
+        run = inner.mapaccum("run", intervals, 1, _BASE) if intervals > 1 else inner
+        found = cached.put((count, intervals), BufferedFunction(run))
+    return found
 
 
 def _several(one_step: Any, count: int) -> Any:
@@ -163,9 +180,13 @@ def _several(one_step: Any, count: int) -> Any:
 
 
 def _runs(counts: NDArray[np.int_]) -> list[tuple[int, int]]:
-    """(steps per interval, number of intervals) for each run of intervals with equally many steps."""
+    """(steps per interval, number of intervals) for runs of intervals with equally many steps.
+
+    These numbers are powers of two, so that few functions serve all stretches between events.
+    """
     ends = np.flatnonzero(np.diff(counts)) + 1
-    return [(int(part[0]), len(part)) for part in np.split(counts, ends)]
+    parts = [(int(part[0]), len(part)) for part in np.split(counts, ends)]
+    return [(count, 1 << k) for count, n in parts for k in reversed(range(n.bit_length())) if n >> k & 1]
 
 
 def heun(ode: Any) -> Any:

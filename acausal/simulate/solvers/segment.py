@@ -30,9 +30,12 @@ class Segment:
     partial
         Return the rows before a failure (see `Piece`); a failure before the first row still is a RuntimeError.
     fractions
-        The times as fractions of the length, if they are one of a few grids whose integrators are cached. Quadratures
-        then keep their start values, and IDAS begins without derivatives: it needs a `first` step in which the states
-        change by less than their tolerance.
+        The times as fractions of the length, if they are one of a few grids whose integrators are cached. IDAS
+        begins without derivatives then: it needs a `first` step in which the states change by less than their
+        tolerance.
+    bare
+        Let quadratures keep their start values: guards do not depend on them, and few of thousands of mesh points are
+        outputs.
     """
 
     start: float
@@ -47,6 +50,7 @@ class Segment:
     first: float = 0.0
     partial: bool = False
     fractions: Vector | None = None
+    bare: bool = False
 
     @property
     def length(self) -> float:

@@ -202,7 +202,8 @@ def _is_violated(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vec
     """Whether a condition is violated, which structure took for redundant or Newton's method did not satisfy."""
     if not (compiled.start.conditions or compiled.start.surplus):
         return False
-    return any(np.abs(np.array(part)).max(initial=0.0) > _SATISFIED for part in compiled.conditions(t, x, z, u, p, m))
+    residuals = functions_of(compiled).conditions(t, x, z, u, p, m)
+    return any(np.abs(part).max(initial=0.0) > _SATISFIED for part in residuals)
 
 
 def _nearest(
@@ -448,7 +449,7 @@ class _System:
 def _check_surplus(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> None:
     if not compiled.start.surplus:
         return
-    residuals = np.array(compiled.conditions(t, x, z, u, p, m)[1]).ravel()
+    residuals = functions_of(compiled).conditions(t, x, z, u, p, m)[1]
     for condition, residual in zip(compiled.start.surplus, residuals, strict=True):
         if abs(residual) > _SATISFIED:
             raise contradicting(compiled, condition, float(residual), x, p)

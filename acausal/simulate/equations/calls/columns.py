@@ -38,7 +38,7 @@ def by_columns(function: Any, n: int, common: Sequence[int]) -> Any | None:
         elif operation == ca.OP_OUTPUT:
             if target == 0:
                 value = values[operands[0]]
-                outputs[rest[0]] = ca.repmat(value, n, 1) if value.numel() == 1 else value
+                outputs[rest[0]] = value * ca.DM.ones(n) if value.numel() == 1 else value
         elif operation == ca.OP_CALL:  # a table, or another external function
             return None
         elif len(operands) == 1:

@@ -224,6 +224,8 @@ class LeftGuards:
         At the first r of the ascending `times`, shape (n,); from then on the allowance is zero.
         """
         first = int(np.searchsorted(times, self._until, side="right")) if self.is_left else 0
+        if not first:
+            return np.zeros((0, len(self.noises)))
         with np.errstate(divide="ignore", invalid="ignore"):
             moved = (
                 LOCATED * (times[:first] - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)

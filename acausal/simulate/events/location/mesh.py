@@ -109,7 +109,10 @@ def first_step_on(fractions: Vector, length: float, first: float) -> float:
 
 
 def stepped(start: float, outputs: Vector, end: float, step: float, count: int) -> Vector:
-    """Mesh points for fixed steps, at every other step between two outputs, so that they cost no further steps."""
+    """Mesh points for fixed steps, at every other step between two outputs, so that they cost no further steps.
+
+    Outputs up to the last mesh point are among them.
+    """
     first = int(np.searchsorted(outputs, start, side="right"))
     last = min(int(np.searchsorted(outputs, end)), first + count)  # at least one mesh point for each
     stops = np.append(outputs[first:last], end)
@@ -117,10 +120,10 @@ def stepped(start: float, outputs: Vector, end: float, step: float, count: int) 
     counts = np.maximum(1, np.ceil(gaps / (2.0 * step) - 1e-9)).astype(np.int64)
     reached = np.cumsum(counts)
     kept = int(np.searchsorted(reached, count)) + 1
-    stops, gaps, counts, reached = stops[:kept], gaps[:kept], counts[:kept], reached[:kept]
-    index = np.arange(1, int(reached[-1]) + 1) - np.repeat(reached - counts, counts)
-    mesh = np.repeat(stops - gaps, counts) + np.repeat(gaps, counts) * index / np.repeat(counts, counts)
-    mesh[reached - 1] = stops
+    stops, reached = stops[:kept], reached[:kept]
+    if reached[-1] == len(stops):  # outputs are as close as that
+        return np.asarray(stops[: max(count, 1)])
+    mesh = np.interp(np.arange(1, int(reached[-1]) + 1), np.append(0, reached), np.append(start, stops))
     return np.asarray(mesh[: max(count, 1)])
 
 

@@ -203,7 +203,6 @@ class Search:
             self.guards.step = min(self.pace, mean_step) if self.pace and mean_step else self.pace or mean_step
 
     def _task(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> _Task:
-        segment = replace(segment, partial=True)
         count = len(moment.regime.active_set.owners)
         values, rates, noises, leaving = (np.zeros(count, dtype=d) for d in (float, float, float, bool))
         if count:
@@ -215,7 +214,8 @@ class Search:
             values = np.maximum(g + band, 0.0)
         start = LeftGuards(segment.start, values, leaving, rates, noises)
         times = np.array([segment.start])
-        task = _Task(segment, moment, band, start, record, times, values[None, :], values, segment)
+        bare = replace(segment, partial=True, bare=True)
+        task = _Task(bare, moment, band, start, record, times, values[None, :], values, segment)
         task.failures_from = task.steps_from = segment.start
         task.relations = moment.m[self.guards.first :].tobytes()
         return task
@@ -251,8 +251,8 @@ class Search:
             part = replace(part, first=first, step_budget=_MOST_STEPS_AGAIN)
         elif segment.step is not None:
             count = max(1, int(meshing.most_points(problem, fixed=True) * task.shrink))
-            marks, times = meshing.merged(meshing.stepped(here, outputs, limit, segment.step, count), outputs)
-            return marks, replace(part, times=times)
+            marks = meshing.stepped(here, outputs, limit, segment.step, count)
+            return marks, replace(part, times=marks)
         else:
             spacing = task.shrink * min(self._spacing(task), (limit - here) / 64)
             first = self._first(task, part, limit - here)
@@ -436,10 +436,7 @@ class Search:
         passed = int(np.searchsorted(segment.times, here, side="right"))
         due = segment.times[:passed]
         x, z = self._rows(task, part, piece, due, counters)
-        if part.fractions is None:
-            task.quadratures_from = replace(task.quadratures_from, start=here, x=piece.x[:, keep - 1])
-        else:
-            self._add_quadratures(task, due, x)
+        self._add_quadratures(task, due, x)
         task.record(due, Piece(x, z, counters))
         task.steps += counters.get("steps", 0.0)
         advance = (here - task.steps_from) / (_ADVANCE * self.span)

@@ -14,6 +14,7 @@ import contextlib
 import io
 import math
 import threading
+from bisect import bisect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -45,8 +46,10 @@ _CALL_OVERHEAD = 150.0
 _MOST_KEPT = 128
 # Mesh points of one interpreted call, and the largest ratio of the lengths of their intervals.
 _TOGETHER, _MOST_UNEVEN = 4, 4.0
-# Mesh points of a compiled call: as many as there are rows between two mesh points of a run with 500 rows.
-_COMPILED_TOGETHER = 8
+# Mesh points of a compiled call, which takes as long as some hundred steps.
+_COMPILED_TOGETHER = 128
+# No guard falls more slowly, when it is estimated how soon it is reached.
+_SLOWEST = 1e-300
 # How often dense output may stop the solver in an interval in which the solution has no crossing.
 _MOST_STOPS = 20
 # A guard within its noise is overdue if its rate would have taken it this multiple of its distance from zero.
@@ -196,9 +199,7 @@ class _Nodes:
         """The nodes at the next few ends, or up to a stop before one of them."""
         # compiled code takes the same band for all of them
         alone = self.step.library is not None and self.band is not self.later
-        count = 1 if alone else self.step.together(after.t, ends)
-        if count > 1 and (after.above + after.rate * (ends[count - 1] - after.t) < 0.0).any():
-            count = 1  # a guard is about to be reached, and nodes after the stop would be wasted
+        count = 1 if alone else self.step.together(after, ends)
         bands = np.empty((count, len(self.band)))
         bands[0], bands[1:] = self.band, self.later
         points = self.step(after, ends[:count], bands)
@@ -345,15 +346,20 @@ class Stepper:
         else:
             self._constants = regime.constants(self.library)
 
-    def together(self, here: float, ends: Sequence[float]) -> int:
-        """How many of these times one call integrates to."""
+    def together(self, after: Node, ends: Sequence[float]) -> int:
+        """How many of these times one call integrates to.
+
+        None after a guard is about to be reached: nodes after the stop would be wasted.
+        """
         if self.segment.step or len(ends) < (_TOGETHER if self.library is None else 2):
             return 1
+        ends = ends[: _TOGETHER if self.library is None else _COMPILED_TOGETHER]
+        falls = after.above + after.rate * (ends[-1] - after.t) < 0.0
         if self.library is not None:  # it checks rows inside of steps by itself (`native/rows.c`)
-            return min(len(ends), _COMPILED_TOGETHER)
-        ends = ends[:_TOGETHER]
-        lengths = [b - a for a, b in zip((here, *ends), ends, strict=False)]
-        return _TOGETHER if max(lengths) <= _MOST_UNEVEN * min(lengths) else 1
+            ahead = np.maximum(after.above[falls], 0.0) / np.maximum(-after.rate[falls], _SLOWEST)
+            return max(bisect(ends, after.t + ahead.min(initial=np.inf)), 1)
+        lengths = [b - a for a, b in zip((after.t, *ends), ends, strict=False)]
+        return _TOGETHER if max(lengths) <= _MOST_UNEVEN * min(lengths) and not falls.any() else 1
 
     def __call__(self, after: Node, ends: Sequence[float], bands: Vector) -> list[tuple[float, Vector]]:
         """Integrate to `together` many times; the times, and the dynamic states there.
