@@ -1,4 +1,4 @@
-"""Marks of parameters: what quick tests have a like of is a slow one."""
+"""Parameters marked slow because a similar quick one exists."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from _pytest.mark import ParameterSet
 
 
 def seeds(default: str, parts: int = 1) -> list[range]:
-    """Seeds of a random search, "first:end", in so many parts; ACAUSAL_SEEDS=0:400 looks at that range instead.
+    """Seeds of a random search, "first:end", split into `parts`; ACAUSAL_SEEDS=0:400 selects another range.
 
-    The suite draws the same ones each time: a hundred models of a kind find a defect of 3 % of them, 19 times in 20.
-    What is rarer takes a wider search than each run of a suite can afford.
+    The suite always uses the same seeds: a hundred models of a kind reveal a defect that affects 3 % of them 19 times
+    in 20. Rarer defects need a wider search than every run of a suite can afford.
     """
     first, end = map(int, os.environ.get("ACAUSAL_SEEDS", default).split(":"))
     ends = [first + (end - first) * k // parts for k in range(parts + 1)]
@@ -23,7 +23,7 @@ def seeds(default: str, parts: int = 1) -> list[range]:
 
 
 def slow_but(values: Iterable[Any], *quick: Any) -> list[ParameterSet]:
-    """Values of one parameter, or tuples of values of several, all of which are slow but the `quick` ones."""
+    """Values of one parameter, or tuples of values of several, all marked slow except the `quick` ones."""
     found = list(values)
     assert all(q in found for q in quick), f"no such value among {found}: {quick}"
     own = [v if isinstance(v, tuple) else (v,) for v in found]

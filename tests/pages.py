@@ -1,4 +1,4 @@
-"""Python of the pages of `docs/`, run from top to bottom."""
+"""Runs the Python code of pages in `docs/` from top to bottom."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Benchmarks are not run by the tests, so what argparse hides from type checkers is read off their text."""
+"""Benchmarks are not run by the tests, so mistakes that argparse hides from type checkers are found in their source."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def called(node: ast.AST, name: str) -> bool:
 
 @pytest.mark.parametrize("file", sorted(BENCHMARKS.glob("*.py")), ids=lambda file: file.stem)
 def test_options_that_are_read_are_declared(file: Path) -> None:
-    """A namespace of argparse has any attribute for a type checker: a rename once broke two benchmarks unseen."""
+    """For a type checker a namespace of argparse has any attribute: a rename once broke two benchmarks unnoticed."""
     nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
     declared = {
         call.args[0].value.lstrip("-").replace("-", "_")

@@ -1,4 +1,4 @@
-"""What pages name exists; the map of the code in docs/devdocs/README.md names every folder."""
+"""Links and names on pages exist; the map of the code in docs/devdocs/README.md lists every folder."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_all_that_is_named_is_there() -> None:
 
 
 def test_every_folder_is_named() -> None:
-    """A folder of the package stands in a row of its own, or in the meaning of the row of its owner."""
+    """A folder of the package has its own row, or is named in the row of its parent."""
     named = {folder for folders, _, _ in rows() for folder in folders}
     inner = {f / name for folders, *text in rows() for f in folders for name in re.findall(r"`(\w+)/`", "".join(text))}
     own = {f for f in FOLDERS if not str(f.relative_to(ROOT)).startswith(("acausal/library", "acausal/models"))}
@@ -55,7 +55,7 @@ PAGES = [ROOT / "README.md", ROOT / "benchmarks/README.md", *sorted((ROOT / "doc
 
 
 def unknown(page: Path) -> Iterator[str]:
-    """Links, files and dotted names of a page that lead nowhere."""
+    """Links, files and dotted names of a page that do not exist."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     spans = re.findall(r"`([^`]+)`", text)
     for link in re.findall(r"\]\((?!https?:|mailto:|#)([^)#\s]+)", re.sub(r"`[^`]+`", "", text)):
@@ -87,6 +87,6 @@ def resolves(name: str) -> bool:
 
 
 def test_pages_name_what_exists() -> None:
-    # What a run caches on disk is in a folder of the user.
+    # The cache on disk is in a folder of the user.
     wrong = {f"{page.relative_to(ROOT)}: {name}" for page in PAGES for name in unknown(page)}
     assert wrong <= {"docs/devdocs/native.md: acausal/native"}

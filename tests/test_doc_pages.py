@@ -1,4 +1,4 @@
-"""Pages of `docs/` run, and what they say comes out."""
+"""The code on pages of `docs/` runs and produces the stated results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def events() -> dict[str, Any]:
 
 
 def test_the_thermostat_switches_between_its_limits(events: dict[str, Any]) -> None:
-    """From its first switch on the room stays between 19 and 21 degrees; times of cooling: 600*ln(16/14) s."""
+    """After the first switching the room stays between 19 and 21 degrees; it cools for 600*ln(16/14) s."""
     r = events["result"]
     after = r.time >= r.events[0].time
     assert (r["T"][after].min(), r["T"][after].max()) == pytest.approx((19.0, 21.0), abs=1e-6)
@@ -45,7 +45,7 @@ def test_what_the_page_says_of_ball_and_clutches_is_so(events: dict[str, Any]) -
 
 
 def test_the_cart_of_the_page_bounces(events: dict[str, Any]) -> None:
-    """The wall takes momentum, P = 2 dv + dv_x; the rod's impulse lies along the rod: dv_x / dv_y = (x - s) / y."""
+    """The wall takes momentum, P = 2 dv + dv_x; the impulse acts along the rod: dv_x / dv_y = (x - s) / y."""
     r = acausal.simulate(events["Cart"](), stop_time=1.0, tolerance=1e-8)
     k = int(np.flatnonzero(np.diff(r.time) == 0.0)[0])
     assert r["v"][k + 1] == pytest.approx(-0.5 * r["v"][k], abs=1e-9)
@@ -101,7 +101,7 @@ print([float(v) for v in (*rate.elements(), *y.elements())], [entry["name"] for 
 
 @pytest.fixture(scope="module")
 def casadi(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """The folder in which all blocks have run, and the names they leave."""
+    """The folder in which all blocks have run, and the resulting namespace."""
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -119,7 +119,7 @@ def test_five_lines_read_the_file_without_acausal(casadi: tuple[Path, dict[str, 
 
 
 def test_casadi_alone_bounces_the_ball(casadi: tuple[Path, dict[str, Any]]) -> None:
-    """Free fall: the first impact after sqrt(2 h/g), each flight 2 e^k sqrt(2 g h)/g long, up to 2 s."""
+    """Free fall: first impact after sqrt(2 h/g), then flights of 2 e^k sqrt(2 g h)/g each, up to 2 s."""
     first = math.sqrt(2 / 9.81)
     times: list[float] = []
     while not times or times[-1] < 2.0:
@@ -137,20 +137,20 @@ def test_a_decision_by_name(casadi: tuple[Path, dict[str, Any]]) -> None:
 
 @pytest.mark.slow
 def test_the_steel_is_found() -> None:
-    """34CrMo4 has k_c1.1 = 2240 N/mm2 and z = 0.21 in the paper; one chip thickness does not tell them apart."""
+    """34CrMo4 has k_c1.1 = 2240 N/mm2 and z = 0.21 in the paper; one chip thickness cannot determine both."""
     found = run("fit.md")
     low, high = found["found"].interval.T
     truth = np.array([2.24e9, 0.21])
     assert (low <= truth).all()
     assert (truth <= high).all()
-    # a gradient takes a fifth of a run, or less than two
+    # A gradient takes from a fifth of a run to less than two.
     assert found["found"].runs + 0.4 * found["found"].gradients <= 25
     assert "combination of drill.k_c11, drill.z" in found["alone"].notes[0]
 
 
 @pytest.mark.slow
 def test_the_report_of_the_page_is_the_one_that_is_printed() -> None:
-    """All lines but those of times and of the solver's steps, which differ by machine."""
+    """All lines except those with times and solver steps, which depend on the machine."""
     found: dict[str, Any] = {}
     exec(blocks("reduce.md")[0], found)
     page = (DOCS / "reduce.md").read_text(encoding="utf-8")

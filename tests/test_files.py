@@ -1,4 +1,4 @@
-"""Result files: what is written reads back the same, by us and by the readers of the Modelica world."""
+"""Result files are read back unchanged, by acausal and by readers of Modelica tools."""
 
 from __future__ import annotations
 
@@ -216,7 +216,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 
 def test_a_csv_has_units_on_request(result: Result, tmp_path: Path) -> None:
-    """In its second row, which `load` and inputs read; without the option the file is as before."""
+    """Units are in the second row, which `load` and inputs read; without the option the file has no such row."""
     result.save(tmp_path / "run.csv", units=True)
     lines = (tmp_path / "run.csv").read_text().splitlines()
     assert lines[1] == "s,m,degC,m,,N/m"
@@ -237,7 +237,7 @@ def test_a_csv_has_units_on_request(result: Result, tmp_path: Path) -> None:
     ],
 )
 def test_measurements_are_results(tmp_path: Path, text: str) -> None:
-    """Names with units, a row of units, other separators and decimal signs: one meaning, also for inputs."""
+    """Names with units, a row of units, other separators and decimal signs are equivalent, also for inputs."""
     (tmp_path / "m.csv").write_text(text)
     r = load(tmp_path / "m.csv")
     assert r.time.tolist() == [0.0, 0.5]
@@ -247,7 +247,7 @@ def test_measurements_are_results(tmp_path: Path, text: str) -> None:
 
 
 def test_a_comma_between_thousands_is_no_decimal_sign(tmp_path: Path) -> None:
-    """The first row alone would not tell: 1,234 beside 0.5 is 1234 to whoever wrote it."""
+    """The first row alone is ambiguous: next to 0.5, 1,234 means 1234."""
     path = tmp_path / "m.csv"
     path.write_text("time;x\n0;0\n0.5;1,234\n")
     with pytest.raises(UsageError, match="commas, as in line 3"):
@@ -265,7 +265,7 @@ def test_a_broken_first_row_of_numbers_is_no_row_of_units(tmp_path: Path) -> Non
 
 
 def test_parquet_is_read_and_written_by_pandas(result: Result, tmp_path: Path) -> None:
-    """Another reader: values to the last bit, units in `attrs`; its own frame with units in names comes back."""
+    """pandas reads values to the last bit and units from `attrs`; its frames with units in names are read back."""
     pandas = pytest.importorskip("pandas", reason="pandas is not installed")
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     result.save(tmp_path / "run.parquet")

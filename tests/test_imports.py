@@ -22,17 +22,17 @@ from acausal.providers import provided
 ROOT = Path(__file__).resolve().parents[1]
 
 COMPILER = ("language", "flatten", "structure", "numeric", "diagnose", "analyse", "reduce", "lower")
-# Which group may import which; everybody may import `errors` and `units`, and itself.
+# Which groups may import which; all may import `errors`, `units` and themselves.
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "units": set(),
     # types of arrays
     "arrays": set(),
-    # who does what for the packages below
+    # providers for the packages below
     "providers": set(),
     # the description of a figure, which a model carries, without the drawing
     "panel": set(),
-    # files that are trusted later on
+    # files that are trusted later
     "private": set(),
     # Python's own collector
     "collector": set(),
@@ -48,15 +48,15 @@ ALLOWED: dict[str, set[str]] = {
     "reduce": {"language", "flatten", "structure", "numeric", "analyse"},
     "lower": {"language", "flatten", "structure", "numeric", "diagnose", "analyse", "reduce"},
     "result": set(),
-    # what a component states is composed where it is flattened
+    # the equations of components are composed where they are flattened
     "notebook": {"result", "language", "flatten"},
     # `simulate` takes a component, and its defaults from the component's experiment.
     "simulate": {*COMPILER, "result"},
     "plot": {"simulate", "result", "lower", "analyse", "panel"},
     "export": {*COMPILER, "simulate", "result"},
-    # optimal control stands on what a model exports, and on runs
+    # optimal control is based on exported functions and on runs
     "optimal_control": {*COMPILER, "simulate", "result", "export", "plot", "panel"},
-    # whole models looked at from outside: speed and accuracy, stability, what may be left out
+    # studies of whole models: speed and accuracy, stability, reduction
     "study": {*COMPILER, "simulate", "result", "plot", "export", "panel"},
     # pages for a browser, without a model
     "browser": set(),
@@ -67,9 +67,9 @@ ALLOWED: dict[str, set[str]] = {
     "__main__": set(),
     "cli": {*COMPILER, "export", "panel", "plot", "result", "simulate", "study", "animate", "diagram", "explore"},
     "library": {"public"},
-    # models with an optimal-control problem state it where they stand
+    # models may define an optimal-control problem
     "models": {"public", "library", "optimal_control"},
-    # acausal/__init__.py hands out the names of every stage.
+    # acausal/__init__.py provides the names of every stage.
     "public": {*COMPILER, "animate", "diagram", "explore", "export", "panel", "plot", "result", "simulate", "study"},
 }
 EVERYBODY_MAY = {"errors", "units", "arrays", "providers", "private", "collector", "recent"}
@@ -85,7 +85,7 @@ EXCEPTIONS = {
 }
 
 HEAVY = {"casadi", "matplotlib", "scipy", "pandas", "xarray", "pint"}
-# Where CasADi has no place, not even inside a function.
+# Packages that must not import CasADi, not even inside a function.
 WITHOUT_CASADI = {
     *("errors", "units", "language", "flatten", "structure", "diagnose", "analyse", "reduce"),
     *("result", "plot", "library", "models"),
@@ -98,7 +98,7 @@ class Import(NamedTuple):
     name: str | None
     line: int
     package: str = ""
-    """Of a module that is imported from its package, as a name is: the package."""
+    """The package of a module that is imported from it like a name."""
 
 
 def sources() -> dict[str, Path]:
@@ -184,8 +184,8 @@ def test_the_table_has_no_cycle() -> None:
 
 
 def test_no_modules_need_each_other() -> None:
-    """By no import at any moment: those inside functions and under TYPE_CHECKING count, packages of what is imported
-    from them, and what the root package provides to others."""
+    """There are no import cycles, counting imports inside functions and under TYPE_CHECKING, the packages of imported
+    modules, and the names that the root package provides to others."""
     graph = {m: {t for e in imports(m) for t in (e.target, e.package) if t in SOURCES} - {m} for m in SOURCES}
     graph["acausal"] |= {*acausal._LAZY.values(), *acausal._METHODS.values()}
     try:
@@ -195,7 +195,7 @@ def test_no_modules_need_each_other() -> None:
 
 
 def test_what_is_asked_for_is_provided() -> None:
-    """`provided("name")` names a function of the module that the root package enters for it."""
+    """`provided("name")` refers to a function of the module that the root package registers for it."""
     asked = {n for path in SOURCES.values() for n in re.findall(r'provided\("(\w+)"\)', path.read_text("utf-8"))}
     assert asked >= {"plot", "diagram", "casadi_model"}
     assert not [name for name in asked if not callable(provided(name))]
@@ -207,7 +207,7 @@ def test_imported_modules_exist() -> None:
 
 
 def test_library_and_models_use_public_names_only() -> None:
-    """The library is the first honest user of the language: what it needs, every user can have."""
+    """The library uses only the public language, so that everything it needs is available to every user."""
     public = {e.name for e in imports("acausal") if own(e)}
     wrong = [
         describe(e) + f".{e.name}"
@@ -220,7 +220,7 @@ def test_library_and_models_use_public_names_only() -> None:
 
 
 def test_casadi_stays_behind_the_lowering() -> None:
-    """Exception: the collision kernel of library/contact calls back from CasADi."""
+    """Exception: the collision kernel of library/contact uses CasADi."""
     wrong = [
         describe(e)
         for m in SOURCES
@@ -232,7 +232,7 @@ def test_casadi_stays_behind_the_lowering() -> None:
 
 
 def loaded_by(statement: str) -> set[str]:
-    """Heavy packages in memory after `statement` in a fresh interpreter."""
+    """Heavy packages that are loaded after `statement` in a fresh interpreter."""
     program = f"import sys\n{statement}\nprint(*[m for m in {sorted(HEAVY)!r} if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=False)
     assert run.returncode == 0, run.stderr

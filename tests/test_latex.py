@@ -1,4 +1,4 @@
-"""Equations typeset: matplotlib's reader of TeX takes them, and their value is that of the text."""
+"""Typeset equations are accepted by matplotlib's TeX parser and have the same value as the text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from acausal.notebook.latex import LONGEST, latex
         ("a - (b - c) == (a + b) * c", r"a - \left(b - c\right) = \left(a + b\right)\,c"),
         ("(x**2)**3 == (-x)**2", r"\left(x^{2}\right)^{3} = \left(-x\right)^{2}"),
         ("a * (-b) == a + (-b)", r"a\,\left(-b\right) = a + \left(-b\right)"),
-        # What stands behind a derivative or a product of vectors is no part of it.
+        # A factor after a derivative or a product of vectors is not part of it.
         ("der(w_rel) * J == a", r"\left(\frac{d}{dt}w_{\mathrm{rel}}\right)\,J = a"),
         ("J * der(w_rel) * k == a", r"\left(J\,\frac{d}{dt}w_{\mathrm{rel}}\right)\,k = a"),
         ("dot(a, b) * c == -cross(a, b)", r"\left(a \cdot b\right)\,c = -a \times b"),
@@ -46,7 +46,7 @@ def test_formulas(text: str, expected: str | None) -> None:
 
 @pytest.mark.slow
 def test_every_equation_of_the_library_is_typeset() -> None:
-    """All but assertions, connections and long ones; matplotlib knows no `cases`, which are left out for it."""
+    """All except assertions, connections and long equations; matplotlib does not support `cases`, which are omitted."""
     reader = MathTextParser("path")
     texts = [
         equation["text"]

@@ -1,4 +1,4 @@
-"""Files that were changed on their way: read right, or refused with a code; nothing in them is run."""
+"""Corrupted files are read correctly or rejected with an error code; nothing in them is executed."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def mutated(content: bytes, rng: np.random.Generator) -> bytes:
         return bytes(changed)
     if kind == 1:
         return content[:k]
-    if kind == 4:  # a block in the place of another
+    if kind == 4:  # a block replaced by another
         j = int(rng.integers(len(content)))
         return content[:k] + content[j : j + n] + content[k + len(content[j : j + n]) :]
     return content[:k] + (content[k : k + n] * 2 if kind == 2 else b"") + content[k + n :]
@@ -59,7 +59,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 def attempt(read: Callable[[Path], Any], path: Path) -> tuple[Any, str | None]:
-    """What is read, or the code of the refusal."""
+    """The result of reading, or the code of the error."""
     try:
         return read(path), None
     except AcausalError as error:
@@ -69,7 +69,7 @@ def attempt(read: Callable[[Path], Any], path: Path) -> tuple[Any, str | None]:
 @COUNTS
 @pytest.mark.parametrize("suffix", ["mat", "csv", "parquet", "npz"])
 def test_a_mutated_result(saved: Path, tmp_path: Path, suffix: str, count: int) -> None:
-    """A `.mat` or `.npz` of ours never has other values: checksums. A `.csv` is text that people change on purpose.
+    """Checksums ensure that our `.mat` or `.npz` never has other values. A `.csv` may be edited on purpose.
 
     A `.parquet` has checksums of its pages, not of what says their names and types.
     """
@@ -87,7 +87,7 @@ def test_a_mutated_result(saved: Path, tmp_path: Path, suffix: str, count: int) 
 
 @COUNTS
 def test_a_mutated_result_of_others(saved: Path, tmp_path: Path, count: int) -> None:
-    """Without a checksum numbers may be others; places outside of the file are refused."""
+    """Without a checksum numbers may differ; positions outside the file are rejected."""
     rng = np.random.default_rng(2)
     content, path = (
         _CHECKSUM.sub(b"Time, a clock    0123456789abcdef", (saved / "r.mat").read_bytes()),
@@ -103,7 +103,7 @@ def test_a_mutated_result_of_others(saved: Path, tmp_path: Path, count: int) -> 
 
 @COUNTS
 def test_a_mutated_model(saved: Path, tmp_path: Path, count: int) -> None:
-    """CasADi reads what it is given without a look: what is damaged never reaches it."""
+    """CasADi does not check its input, so damaged data must never reach it."""
     rng = np.random.default_rng(3)
     content, path = (saved / "m.casadi").read_bytes(), tmp_path / "m.casadi"
     whole = repr(acausal.load_casadi(saved / "m.casadi").x)
@@ -114,9 +114,9 @@ def test_a_mutated_model(saved: Path, tmp_path: Path, count: int) -> None:
         assert read is None or repr(read.x) == whole
     with zipfile.ZipFile(saved / "m.casadi") as archive:
         described, functions = archive.read("metadata.json").decode(), archive.read("functions.casadi").decode()
-    for _ in range(count // 4):  # inside of the archive, whose own checksums are right again
+    for _ in range(count // 4):  # inside the archive, whose checksums are made consistent again
         changed = mutated(functions.encode(), rng).decode("latin-1")
-        if changed == functions:  # a block in the place of its like
+        if changed == functions:  # a block was replaced by an equal one
             continue
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("metadata.json", described)

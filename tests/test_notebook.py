@@ -1,4 +1,4 @@
-"""What notebooks show: complete, well formed, and escaped."""
+"""The output in notebooks is complete, well formed and escaped."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_result_shows_signals_with_units_and_courses() -> None:
 
 
 def test_a_peak_of_one_row_is_in_the_course() -> None:
-    """A line of 22 pixels, two of them margins: the peak reaches the upper one, whatever is left out beside it."""
+    """A line of 22 pixels, two of them margins: the peak reaches the upper one, whichever neighbours are left out."""
     values = np.zeros((10_001, 1))
     values[5003] = 1.0
     result = Result("Peak", np.linspace(0.0, 1.0, 10_001), values, {"<x>": Signal("<x>", column=0)})

@@ -1,4 +1,4 @@
-"""The wheel holds acausal/** and nothing else, and the linked folders are real files in it."""
+"""The wheel contains only acausal/**, with the linked folders as real files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy, so that a build leaves no folder in the repository."""
+    """A copy of the repository, so that a build leaves nothing behind in the original."""
     copy = tmp_path_factory.mktemp("packaging") / "source"
     skipped = shutil.ignore_patterns(".git", ".venv", "*.egg-info", "build", "dist", "__pycache__", ".*_cache")
     shutil.copytree(ROOT, copy, symlinks=True, ignore=skipped)
@@ -44,7 +44,7 @@ def test_wheel_holds_only_the_package(wheel: list[zipfile.ZipInfo]) -> None:
 
 
 def test_wheel_holds_every_module(source: Path, wheel: list[zipfile.ZipInfo]) -> None:
-    """Also those of library/ and models/, which reach the package through links."""
+    """Including those of library/ and models/, which are linked into the package."""
     names = {entry.filename for entry in wheel}
     expected = {path.relative_to(source).as_posix() for path in (source / "acausal").rglob("*.py")}
     for folder in ("library", "models"):
@@ -54,7 +54,7 @@ def test_wheel_holds_every_module(source: Path, wheel: list[zipfile.ZipInfo]) ->
 
 
 def test_wheel_holds_what_pages_embed(source: Path, wheel: list[zipfile.ZipInfo]) -> None:
-    """Scripts, styles, symbols and licences: pages are made without a network."""
+    """Scripts, styles, symbols and licences are included, since pages are made without a network."""
     names = {entry.filename for entry in wheel}
     files = [p for folder in ("browser", "diagram") for p in (source / "acausal" / folder).iterdir() if p.is_file()]
     expected = {f"acausal/{p.parent.name}/{p.name}" for p in files}
@@ -75,7 +75,7 @@ def test_links_are_relative_and_committed_as_links() -> None:
 
 @pytest.mark.parametrize("name", ["library", "models"])
 def test_one_name_per_module(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`import library` from the repository's root would make a second class of everything."""
+    """`import library` from the root of the repository would create every class twice."""
     monkeypatch.syspath_prepend(str(ROOT))
     monkeypatch.delitem(sys.modules, name, raising=False)
     with pytest.raises(ImportError, match=rf"import acausal\.{name} instead of {name}"):
@@ -120,7 +120,7 @@ Spring(k=1.0)
 @pytest.mark.slow
 @pytest.mark.parametrize("checker", ["mypy", "pyright"])
 def test_checkers_find_an_editable_install_from_outside(editable: Path, tmp_path: Path, checker: str) -> None:
-    """From a folder that has nothing to do with it: types of library and models, and the one wrong call."""
+    """From an unrelated folder, the types of library and models are known, and the only wrong call is reported."""
     pytest.importorskip(checker)
     (tmp_path / "user.py").write_text(USER)
     option = {"mypy": "--python-executable", "pyright": "--pythonpath"}[checker]
@@ -137,6 +137,6 @@ def test_the_package_runs_as_a_program() -> None:
 
 
 def test_what_pages_embed_is_compressed(wheel: list[zipfile.ZipInfo]) -> None:
-    """2.4 MB of libraries are 0.7 MB where the package is installed."""
+    """2.4 MB of JavaScript libraries take 0.7 MB in an installed package."""
     sizes = {e.filename: e.file_size for e in wheel if e.filename.startswith("acausal/browser/")}
     assert sum(sizes.values()) < 0.8e6, sizes

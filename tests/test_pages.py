@@ -43,7 +43,7 @@ def room(found: dict[str, Any]) -> None:
 
 
 def crane(found: dict[str, Any]) -> None:
-    """The momentum of 400 N.s stays."""
+    """The momentum of 400 N.s is conserved."""
     assert np.abs(found["speed"] - 400.0 / 150.0).max() < 1e-6
 
 
@@ -61,7 +61,7 @@ def motor(found: dict[str, Any]) -> None:
 
 
 def rig(found: dict[str, Any]) -> None:
-    """The fit finds what made the data, within three of its own standard deviations; the run is the page's rig."""
+    """The fit recovers the parameters within three of its standard deviations; the run is the page's rig."""
     fit = found["found"]
     assert np.abs(fit.value - [2.2, 4.0]).max() < 3.0 * fit.std.max()
     assert fit.rms["mass.s"] == pytest.approx(2e-3, rel=0.15)
@@ -90,7 +90,7 @@ CHECKS = {
 
 
 def test_every_page_is_in_the_contents() -> None:
-    """The site's index lists all pages, by name or by a pattern; it is built without warnings, but not in this test."""
+    """The site's index lists all pages by name or pattern; the build without warnings is checked elsewhere."""
     entries = [line for block in blocks("index.md", "{toctree}") for line in block.split("\n")]
     listed = {path for entry in entries if entry and not entry.startswith(":") for path in DOCS.glob(f"{entry}.md")}
     pages = {path for path in DOCS.rglob("*.md") if "reference" not in path.parts and "_build" not in path.parts}
@@ -99,6 +99,6 @@ def test_every_page_is_in_the_contents() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: Path(p).stem)
 def test_pages_are_notebooks_as_text(page: str) -> None:
-    """The header that jupytext and MyST-NB take for a notebook; nbformat requires both names of the kernel."""
+    """The header by which jupytext and MyST-NB recognise a notebook; nbformat requires both names of the kernel."""
     head = (DOCS / page).read_text(encoding="utf-8").split("---\n")[1]
     assert head == "file_format: mystnb\nkernelspec:\n  display_name: Python 3\n  name: python3\n"

@@ -1,4 +1,4 @@
-"""Plots: what is on which axes, in which unit; the picture files; the choice of prefixes."""
+"""Plots: assignment of signals to axes and units, picture files, choice of prefixes."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_together_uses_a_second_axis(result: Result) -> None:
 
 
 def following(unit: str, other: str) -> Result:
-    """A value that has settled on its set point, 25 at last, beside a torque."""
+    """A value that settles at its set point, 25 at the end, and a torque."""
     signals = (
         Signal("setpoint", unit, "Set point", 0),
         Signal("motor.w", other, "Speed", 1),
@@ -300,7 +300,7 @@ def test_labels_are_typeset() -> None:
 
 
 def test_two_results_share_panels_and_units(result: Result) -> None:
-    """A measurement in mm over a run in m: 16 mm at the end of both; what it does not hold is drawn of one only."""
+    """A measurement in mm and a run in m: 16 mm at the end of both; signals missing from one are drawn once."""
     measured = Result("rig", TIME[::4], 4.0 * TIME[::4, None], {"drill.s": Signal("drill.s", "mm", "", 0)})
     depth, force = plot(result, "drill.s", "drill.F_f", also=measured).axes
     assert list(lines(depth)) == ["drill.s (Drill)", "drill.s (rig)"]
@@ -324,7 +324,7 @@ def test_results_share_the_unit_of_the_horizontal_axis(result: Result) -> None:
 
 
 def test_panels_on_one_time_axis_have_one_unit_of_time() -> None:
-    """A signal of 50 ms above one that another run has for 5 s: the axis below is that of both."""
+    """A signal of 50 ms above one that another run has for 5 s: both share the time axis below."""
     time, signals = np.array([0.0, 0.05]), {"x": Signal("x", "m", "", 0), "z": Signal("z", "V", "", 0)}
     short = Result("short", time, time[:, None], signals)
     long = Result("long", 100 * time, time[:, None], {"x": signals["x"]})
@@ -350,13 +350,13 @@ def test_a_jump_that_both_results_have_is_no_difference() -> None:
 
 @pytest.mark.parametrize("title", [r"$\frac{1}$", "$5 and $x_$", "costs $"])
 def test_dollar_signs_around_no_formula_stay(result: Result, title: str, tmp_path: Path) -> None:
-    """A title is what the user typed; matplotlib cannot read these as formulas."""
+    """A title is shown as typed; matplotlib cannot parse these as formulas."""
     plot(result, "body.v", title=title, file=tmp_path / "h.png")
     assert (tmp_path / "h.png").stat().st_size > 0
 
 
 def test_matplotlib_has_nothing_to_say_about_a_wrapped_label(caplog: pytest.LogCaptureFixture, tmp_path: Path) -> None:
-    """A unit with an exponent below a line break: mathtext looked the break up in its font, with a warning."""
+    """A unit with an exponent after a line break: mathtext used to look up the break in its font, with a warning."""
     signals = (Signal("k_c", "N/mm2", "Specific cutting force", 0), Signal("n", "1/s", "Speed of the spindle", 0))
     r = Result("M", TIME, (7e3 * TIME)[:, None], {signal.name: signal for signal in signals})
     panels = (Panel(("k_c",), title="Force"), Panel(("n",), title="Speed"))

@@ -1,4 +1,4 @@
-"""Spy plots: what stands in the two panels, and that the second one is block lower triangular."""
+"""Spy plots: contents of the two panels; the second one is block lower triangular."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_pattern_is_lower_triangular_by_blocks(compiled: CompiledModel) -> None:
     assert np.all(block[columns] <= block[rows])
     assert set(np.flatnonzero(np.bincount(rows[rows == columns], minlength=found.size))) == set(range(found.size))
     assert sorted(found.row_place) == sorted(found.column_place) == list(range(found.size))
-    # as composed it is not
+    # In the order of composition it is not.
     assert np.any(found.columns > found.rows)
 
 

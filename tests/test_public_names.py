@@ -20,14 +20,14 @@ def test_a_function_is_not_replaced_by_the_subpackage_of_its_name(name: str) -> 
 
 
 def test_every_lazy_name_is_there() -> None:
-    """A name that `import acausal` promises must be where it is looked for."""
+    """The public names of `acausal` must be available after `import acausal`."""
     for name in acausal._LAZY:
         assert callable(getattr(acausal, name)), name
 
 
 @pytest.mark.parametrize("package", sorted(p.name for p in pkgutil.iter_modules(library.__path__) if p.ispkg))
 def test_a_star_import_of_a_library_hides_no_function_of_the_language(package: str) -> None:
-    """`from acausal.library.blocks import *` after that of `acausal` must not put a module in a function's place."""
+    """`from acausal.library.blocks import *` after that of `acausal` must not replace a function by a module."""
     names = vars(importlib.import_module(f"acausal.library.{package}"))
     ours = set(vars(acausal)) | set(acausal._LAZY)
     hidden = [

@@ -1,4 +1,4 @@
-"""README.md does what it says: its Python and its commands run in order, and what they simulate moves.
+"""README.md is correct: its Python code and its commands run in order, and the simulated models move.
 
 Blocks are taken in the order of the page, in one empty folder and one namespace:
 
@@ -25,7 +25,7 @@ from tests.cli.running import Outcome, run
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
-# The quick test runs the Python of the page and these of its commands; each verb has tests of its own in tests/cli.
+# The quick test runs the Python code of the page and these commands; each verb has its own tests in tests/cli.
 QUICK = frozenset({"simulate", "plot", "new"})
 RESULT_FILES = {".csv", ".mat", ".npz"}
 _FENCE = re.compile(
@@ -41,7 +41,7 @@ class Block(NamedTuple):
 
 
 def blocks(text: str) -> list[Block]:
-    """The fenced blocks of a page and the lines their bodies start at."""
+    """The fenced blocks of a page and the lines at which their bodies start."""
     found = _FENCE.finditer(text)
     return [Block(m["language"], m["body"], text.count("\n", 0, m.start("body")) + 1) for m in found]
 
@@ -69,7 +69,7 @@ def run_python(block: Block, namespace: dict[str, Any], folder: Path) -> None:
     # A real file, so that messages and source spans find the lines.
     file = folder / (named[1] if named else f"readme_line_{block.line}.py")
     file.write_text(block.body, encoding="utf-8")
-    if named:  # a file is run as `python oscillator.py` does, with what stands below its guard
+    if named:  # a file is run like `python oscillator.py`, including the code below its guard
         namespace |= {k: v for k, v in runpy.run_path(str(file), run_name="__main__").items() if not k.startswith("__")}
         return
     exec(compile(block.body, str(file), "exec", dont_inherit=True), namespace)
@@ -88,7 +88,7 @@ def assert_moves(result: Any, origin: str) -> None:
     assert np.ptp(matrix, axis=0).max() > 0.0, f"{origin}: nothing moves in this result"
 
 
-# A reader's plt.show() opens a window; here there is none to open.
+# For a reader plt.show() opens a window, which is not possible here.
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
 @pytest.mark.parametrize("verbs", [QUICK, pytest.param(None, marks=pytest.mark.slow)], ids=["quick", "all"])
 def test_readme_runs_and_moves(
@@ -109,7 +109,7 @@ def test_readme_runs_and_moves(
             run_python(block, namespace, tmp_path)
         elif block.language == "console":
             for line, arguments in commands(block):
-                if verbs is None or arguments[0] in verbs:  # in this process, without the imports of one for each
+                if verbs is None or arguments[0] in verbs:  # in this process, which saves the imports of a new one
                     assert_done(line, arguments, run(*arguments))
         for name, value in namespace.items():
             if isinstance(value, Result) and id(value) not in checked:

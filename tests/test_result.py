@@ -128,7 +128,7 @@ def test_an_array_with_a_gap_is_unknown() -> None:
 
 @pytest.mark.parametrize("kept", [(1, 2), (1,), (2,)])
 def test_a_part_of_an_array_is_no_array(kept: tuple[int, ...]) -> None:
-    """y and z of a run whose arrays count from 0 are no vector whose first entry would be y."""
+    """In a run whose arrays count from 0, y and z do not form a vector whose first entry is y."""
     signals = {f"r[{i}]": Signal(f"r[{i}]") for i in kept} | {"q[0]": Signal("q[0]")}
     with pytest.raises(UsageError, match="AC010"):
         make(signals=signals)["r"]
@@ -154,7 +154,7 @@ def test_at_a_stored_time_is_the_value_after_the_event() -> None:
     r = make()
     assert r.at(1.5, "mass.s") == 2.25
     assert r.at(2.0, "mass.v") == -3.0
-    # 2 less one unit of rounding asks for the stored point, too.
+    # 2 minus one unit in the last place also returns the stored point.
     assert r.at(np.nextafter(2.0, 0.0), "mass.v") == -3.0
     assert r.at([0.0, 4.0], "mass.s").tolist() == [0.0, -2.0]  # type: ignore[union-attr]
 
@@ -164,7 +164,7 @@ def test_between_points_the_cubic_does_not_see_across_the_event() -> None:
     # After the event s is a straight line, which a shape-preserving cubic reproduces.
     assert r.at(2.25, "mass.s") == pytest.approx(3.25, abs=1e-14)
     assert r.at(2.25, "mass.v") == -3.0
-    # Before it v is a straight line; s is a parabola, met to the third power of the step of 0.5 s.
+    # Before it v is a straight line; s is a parabola, accurate to the third power of the step of 0.5 s.
     assert r.at(1.75, "mass.v") == pytest.approx(3.5, abs=1e-14)
     assert r.at(1.25, "mass.s") == pytest.approx(1.25**2, abs=0.02)
 
@@ -250,7 +250,7 @@ def test_several_times_between_two_rows_of_a_run_with_events() -> None:
 
 
 def test_the_stop_time_is_inside_where_an_event_is_at_it() -> None:
-    """An event within 1e-12 of the run of its stop time ends the run: the last row has the time of the event."""
+    """An event closer to the stop time than 1e-12 of the run ends it: the last row has the time of the event."""
     r = make()
     assert r.at(4.0 + 2e-12, "body.r_0") == pytest.approx(r.final("body.r_0"), abs=0.0)
     with pytest.raises(UsageError):

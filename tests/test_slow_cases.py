@@ -1,4 +1,4 @@
-"""The list of slow cases names cases that are there, and leaves a quick one of each test."""
+"""The list of slow cases contains only existing cases, and leaves a quick one of each test."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def test_every_row_names_a_test() -> None:
 
 
 def test_every_row_names_a_case_beside_a_quick_one(request: pytest.FixtureRequest) -> None:
-    """Of the files of this session: all in a run of the whole suite."""
+    """The cases in the files of this session: all of them in a run of the whole suite."""
     slow = {case.removeprefix("tests/"): is_slow for case, is_slow in request.config.stash[COLLECTED].items()}
     files = {case.split("::")[0] for case in slow}
     rows = {row for row in CASES if row.split("::")[0] in files}

@@ -1,4 +1,4 @@
-"""Units: definitions of the SI brochure, refusals with their texts, and algebraic laws."""
+"""Units: definitions of the SI brochure, error messages, and algebraic laws."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_conversion(text: str, unit: str, value: float) -> None:
 
 
 def test_decimal_prefixes_do_not_round() -> None:
-    # 9 * 0.001 is 0.009000000000000001 in floating point; people compare these numbers with what they typed.
+    # 9 * 0.001 is 0.009000000000000001 in floating point; users compare these numbers with what they typed.
     for n in range(1, 2000):
         assert convert(f"{n} mm", "m") == float(f"{n}e-3")
 
@@ -227,7 +227,7 @@ def test_dimension_constants() -> None:
 
 
 def test_the_own_table_needs_no_unit_package() -> None:
-    """pint costs 0.3 s and 60 MB: it is loaded for a name outside the own tables, and only then."""
+    """pint costs 0.3 s and 60 MB: it is loaded only for a name that is missing from our tables."""
     program = (
         "import sys; from acausal.units import parse; parse('kN.mm/rad'); parse('degC'); parse('rpm');"
         "print([m for m in ('pint', 'casadi', 'scipy', 'matplotlib', 'numpy') if m in sys.modules]); parse('furlong');"
