@@ -105,8 +105,8 @@ def test_exported_steps_locate_it() -> None:
 @pytest.mark.parametrize(
     ("breaks", "rows", "text"),
     [
-        ([0.0, 2.0, 1.0], [(1.0,), (2.0,)], "breakpoint 3 of 3, 1.0, does not lie beyond"),
-        ([0.0, 1.0, 2.0], [(1.0, 1.0)], "3 breakpoints have 2 segments, and there are 1 rows"),
+        ([0.0, 2.0, 1.0], [(1.0,), (2.0,)], "breakpoint 3 of 3, 1.0, is not greater than the one before"),
+        ([0.0, 1.0, 2.0], [(1.0, 1.0)], "3 breakpoints have 2 segments, but there are 1 rows"),
         ([0.0, 1.0, 2.0], [(1.0,), (2.0, 1.0)], "different lengths"),
         ([0.0, 1.0, float("nan")], [(1.0,), (2.0,)], "not finite"),
         ([0.0], [], "1 breakpoints have 0 segments"),
