@@ -7,7 +7,7 @@
     |   `-- UnitError         AC15x  dimensions do not agree
     |-- StructureError        AC2xx  balance and structure of the equations
     |-- InitializationError   AC3xx  no consistent start
-    |-- RunError                     the run stopped early; `result` holds what was computed
+    |-- RunError                     the run stopped early; `result` is the part that was computed
     |   |-- IntegrationError  AC4xx  the solver cannot go on
     |   `-- EventError        AC5xx  events do not settle, or an assertion is broken
     |-- ExportError           AC6xx
@@ -110,7 +110,7 @@ class AcausalError(Exception):
     code
         `AC` and three digits.
     fact
-        One sentence that says what is wrong, with the path of the component, variable or file.
+        One sentence on the error, with the path of the component, variable or file.
     where
         Places in the user's source, the most relevant one first.
     evidence

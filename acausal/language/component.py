@@ -402,7 +402,7 @@ class Component(Owner):
         return made
 
     def _stand_in_part(self, name: str) -> Component:
-        """A part of a stand-in; DeclarationError AC187 for anything but quantities and parts."""
+        """A part of a stand-in; raises DeclarationError AC187 for anything but quantities and parts."""
         prototype = self._prototypes.get(name)
         if prototype is None:
             path = self._path_to(name)

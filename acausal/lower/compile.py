@@ -76,7 +76,7 @@ def compile(
         then has an entry "recall". A reduced model is reused only for the same outputs and values.
     outputs
         Names of variables; the model is then the smallest one that computes these. Besides them only parameters and
-        variables computed on the way can be read. `acausal.reduce` reports what was left out.
+        intermediate variables can be read. `acausal.reduce` reports the parts that were left out.
     freeze
         Parameters, components or patterns whose values become constants, "zeros" for all that are zero. Such a model is
         faster, but these values cannot be changed without compiling it again.

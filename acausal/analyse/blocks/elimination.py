@@ -249,13 +249,13 @@ class _Work:
         groups: dict[frozenset[int], list[int]] = {}
         for v in sorted(set().union(*(self.rows[i] for i in self.active))):
             groups.setdefault(frozenset(self.columns[v]), []).append(v)
-        for beside, members in groups.items():
-            for rows in combinations(sorted(beside)[:_MOST_ALIKE], 3):
+        for rows_with_members, members in groups.items():
+            for rows in combinations(sorted(rows_with_members)[:_MOST_ALIKE], 3):
                 if unexamined.isdisjoint(rows):
                     continue
                 width = len(set().union(*(self.rows[i] for i in rows))) - 3
                 for variables in combinations(members[:_MOST_ALIKE], 3):
-                    yield width * (len(beside) - 3), rows, variables
+                    yield width * (len(rows_with_members) - 3), rows, variables
 
     def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
         """Solve rows for variables, and substitute these in all other rows."""

@@ -169,7 +169,7 @@ def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
 
 
 def _operands_of_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
-    """An argument, or if it is a `minimum` or `maximum` the operands, because the result may be constant for long."""
+    """An argument, or the operands if it is a `minimum` or `maximum`, which may be constant over a long time."""
     found, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()

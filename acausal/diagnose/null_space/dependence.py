@@ -121,10 +121,10 @@ def check_rank(
     else:
         null = _sparse_null(reduced, points, residuals, unknowns)
     if null is not None:
-        guilty = [rows[i] for i in np.flatnonzero(np.abs(null[0]) > 1e-6).tolist()]
+        dependent_rows = [rows[i] for i in np.flatnonzero(np.abs(null[0]) > 1e-6).tolist()]
         open_ones = [unknowns[k] for k in np.flatnonzero(np.abs(null[1]) > 1e-6).tolist()]
         special = partial(special_values, reduced, points, residuals, unknowns)
-        raise dependent(reduced, guilty, open_ones, special=special)
+        raise dependent(reduced, dependent_rows, open_ones, special=special)
 
 
 def special_values(

@@ -1,1 +1,1 @@
-"""What stands in a class body."""
+"""Declarations in class bodies: fields, parts, the default run, and errors in them."""

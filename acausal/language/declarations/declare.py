@@ -99,9 +99,7 @@ def _declare(kind: Kind, *, unit: str, shape: Sizes = (), **rest: Any) -> Any:
         declared(unit)
     low, high, nominal = rest.get("min", -math.inf), rest.get("max", math.inf), rest.get("nominal", 1.0)
     if not low <= high:
-        raise DeclarationError(
-            "AC110", f"min={low:g} is above max={high:g}", help="swap the two, or leave out what has no limit"
-        )
+        raise DeclarationError("AC110", f"min={low:g} is above max={high:g}", help="swap the two, or leave out a limit")
     if not 0.0 < nominal < math.inf:
         raise DeclarationError(
             "AC110", f"nominal={nominal:g} is no magnitude", help="give the typical size of the variable: nominal=1e-3"

@@ -1,1 +1,1 @@
-"""What equations are made of."""
+"""Expressions, of which equations consist, and the functions that make them."""

@@ -1,7 +1,7 @@
 """Functions of the language. They take expressions and numbers; `math` and `numpy` functions do not.
 
-Functions of one or two scalars work on vectors of shape (n,) too, element by element; a scalar beside a vector is
-repeated. The result has the shape of the longer argument, and its unit is that of the arguments unless stated.
+Functions of one or two scalars also work on vectors of shape (n,), element by element; a scalar argument is repeated if
+the other one is a vector. The result has the shape of the longer argument, and the unit of the arguments unless stated.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def sign(x: Operand) -> Expr:
 
 
 def floor(x: Operand) -> Expr:
-    """Largest integer not above `x`; each step is an event, except below `no_event` and in what a `when` computes."""
+    """Largest integer not above `x`; each step is an event, except below `no_event` and in the values of a `when`."""
     return _unary("floor", x)
 
 

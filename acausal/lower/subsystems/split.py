@@ -342,7 +342,7 @@ class _TextsOfSystem(EventFunctions):
     @property
     def _whole(self) -> CompiledModel:
         whole = self._whole_ref()
-        assert whole is not None, "the caller holds the model"
+        assert whole is not None, "the caller keeps a reference to the model"
         return whole
 
     @cached_property
