@@ -42,13 +42,13 @@ def folder(kind: str) -> Path:
 
 def home(kind: str) -> Path:
     """The folder to use: `folder(kind)`, or a temporary one if others may have written to that."""
-    wanted = folder(kind)
+    preferred = folder(kind)
     try:
-        wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
-        reason = _reason_for_distrust(wanted)
+        preferred.mkdir(mode=0o700, parents=True, exist_ok=True)
+        reason = _reason_for_distrust(preferred)
     except OSError as error:
         reason = error.strerror or str(error)
-    return wanted if not reason else _temporary(str(wanted), reason)
+    return preferred if not reason else _temporary(str(preferred), reason)
 
 
 @cache
@@ -64,12 +64,12 @@ def _reason_for_distrust(path: Path) -> str:
     """Why files from a folder must not be trusted; empty if only this user can have written to it."""
     if not hasattr(os, "geteuid"):
         return ""  # on Windows an access list protects the user's folder
-    found = path.lstat()
-    if not stat.S_ISDIR(found.st_mode):
+    status = path.lstat()
+    if not stat.S_ISDIR(status.st_mode):
         return "which is no folder"
-    if found.st_uid != os.geteuid():
+    if status.st_uid != os.geteuid():
         return "which belongs to another user"
-    if found.st_mode & 0o022:
+    if status.st_mode & 0o022:
         return "to which others may write: chmod 700 it, or delete it"
     for parent in path.absolute().parents:
         mode = parent.stat().st_mode
@@ -80,9 +80,9 @@ def _reason_for_distrust(path: Path) -> str:
 
 def _is_ours(path: Path) -> bool:
     """Whether a file is a regular one that belongs to this user, and that nobody else may write."""
-    found = path.lstat()
-    is_own = not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
-    return stat.S_ISREG(found.st_mode) and is_own
+    status = path.lstat()
+    is_own = not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
+    return stat.S_ISREG(status.st_mode) and is_own
 
 
 def find(kind: str, key: str, suffix: str) -> Path | None:
@@ -103,9 +103,9 @@ def find(kind: str, key: str, suffix: str) -> Path | None:
 def place(made: Path, directory: Path, key: str, suffix: str) -> Path:
     """Move a complete file into its folder under the name of its key; return its path."""
     made.chmod(0o600)
-    found = directory / f"{key}-{digest(made.read_bytes(), directory)}{suffix}"
-    os.replace(made, found)
-    return found
+    target = directory / f"{key}-{digest(made.read_bytes(), directory)}{suffix}"
+    os.replace(made, target)
+    return target
 
 
 def discard(path: Path) -> None:

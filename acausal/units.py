@@ -449,9 +449,9 @@ def _is_own(name: str) -> bool:
 
 def _symbol(name: str, text: str) -> tuple[Dimension, Scale]:
     """Dimension and factor of one name in the unit `text`; a temperature scale counts as a difference there."""
-    known = _lookup(name)
-    if known is not None:
-        return known
+    defined = _lookup(name)
+    if defined is not None:
+        return defined
     if name in _WITH_OFFSET:
         return TEMPERATURE, _WITH_OFFSET[name][0]
     unit = _from_pint(name, text)
@@ -471,9 +471,9 @@ def _lookup(name: str) -> tuple[Dimension, Scale] | None:
     for prefix, exponent in _PREFIXES.items():
         stem = name.removeprefix(prefix)
         if stem != name and (stem in _SI or stem in _WITH_PREFIX):
-            known = _lookup(stem)
-            if known is not None:
-                return known[0], Fraction(10) ** exponent * known[1]
+            of_stem = _lookup(stem)
+            if of_stem is not None:
+                return of_stem[0], Fraction(10) ** exponent * of_stem[1]
     return None
 
 

@@ -67,13 +67,13 @@ class _Aliases:
     def _classes(self) -> None:
         """Recompute representatives after new relations; constants and links that no longer fit become equations."""
         pool = self.pool
-        found = classes(self.flat.n_scalars, self.relations, self.priority)
-        self.representative = found.representative.tolist()
-        self.sign = found.sign.tolist()
-        self.redundant = [self.relation_source[k] for k in found.redundant]
+        alias_classes = classes(self.flat.n_scalars, self.relations, self.priority)
+        self.representative = alias_classes.representative.tolist()
+        self.sign = alias_classes.sign.tolist()
+        self.redundant = [self.relation_source[k] for k in alias_classes.redundant]
         constants = dict(self.constant)
-        if found.zero.any():
-            for k in found.zero.nonzero()[0].tolist():
+        if alias_classes.zero.any():
+            for k in alias_classes.zero.nonzero()[0].tolist():
                 constants.setdefault(self.representative[k], (pool.zero, self.relation_source[-1]))
         self.constant = {}
         for scalar, (node, k) in constants.items():
@@ -167,20 +167,20 @@ class _Aliases:
         relations = len(self.relations)
         touched: set[int] = set()
         nodes, residual = self.pool.nodes, self.residual
-        found = [k for k in self.dirty if self._alias(k, nodes[residual[k]], touched)]
-        for k in found:
+        used = [k for k in self.dirty if self._alias(k, nodes[residual[k]], touched)]
+        for k in used:
             del residual[k]
         for k in self.dirty:  # equations that became aliases are not examined again
             if k in residual:
                 self.users.add(k, self.pool.entries(residual[k]))
-        if not found:
+        if not used:
             with_derivatives = self.users.of(self.pool.integral_of, self.pool.n_variables)
             candidates = sorted(residual.keys() & with_derivatives)
-            found = [k for k in candidates if self._link(k, nodes[residual[k]], touched)]
-            for k in found:
+            used = [k for k in candidates if self._link(k, nodes[residual[k]], touched)]
+            for k in used:
                 del residual[k]
         self.dirty = []
-        if not found:
+        if not used:
             return False
         if len(self.relations) > relations or any(x in self.link or x in self.integral for x in touched):
             self._classes()
@@ -381,16 +381,16 @@ class _Users:
 
     def of(self, variables: Collection[int], count: int) -> list[int]:
         """The equations that contain any of `variables`, possibly with repetitions."""
-        found: list[int] = np.frombuffer(self.equation, dtype=np.int64)[self._mask(variables, count)].tolist()
-        return found
+        equations: list[int] = np.frombuffer(self.equation, dtype=np.int64)[self._mask(variables, count)].tolist()
+        return equations
 
     def pop(self, variables: Collection[int], count: int) -> list[int]:
         """Return the equations that contain any of `variables`, and remove these pairs."""
         hit = self._mask(variables, count)
         variable, equation = (np.frombuffer(a, dtype=np.int64) for a in (self.variable, self.equation))
-        found: list[int] = equation[hit].tolist()
+        equations: list[int] = equation[hit].tolist()
         self.variable, self.equation = (array("q", a[~hit].tobytes()) for a in (variable, equation))
-        return found
+        return equations
 
 
 @dataclass(frozen=True)

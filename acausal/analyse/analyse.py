@@ -103,9 +103,9 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
     choices: list[Choice] = []
     invariants: list[tuple[int, int]] = []
     if integral:
-        found = _groups(system, [e for e in sorted(integral) if e not in derivative], set(assigned))
+        groups = _groups(system, [e for e in sorted(integral) if e not in derivative], set(assigned))
         choices = select_dummies(
-            found,
+            groups,
             integral,
             reduced.pool.integral_of,
             system.rows(points),
@@ -240,11 +240,11 @@ class _System:
         """Sparse rows of d(equation)/d(variable) times the nominal value of the variable, at the sample points."""
 
         def rows(equations: Sequence[int], variables: Sequence[int]) -> list[dict[int, Samples]]:
-            found = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves_anywhere)
+            slopes = gradients(self.pool, [self.residuals[e] for e in equations], variables, points.leaves_anywhere)
             size = {v: self._nominal(v) for v in variables}
             return [
                 {v: np.broadcast_to(np.asarray(g * size[v], dtype=float), (COUNT + FAR,)) for v, g in row.items()}
-                for row in found
+                for row in slopes
             ]
 
         return rows

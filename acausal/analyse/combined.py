@@ -30,9 +30,9 @@ class _Combination:
         first = linear.get(self.factors[0][0])
         if first is None:
             return None
-        wanted = ((v, pool.mul(first, factor)) for v, factor in self.factors)
+        required = ((v, pool.mul(first, factor)) for v, factor in self.factors)
         fits = all(
-            v in linear and _sign_and_magnitude(pool, linear[v]) == _sign_and_magnitude(pool, c) for v, c in wanted
+            v in linear and _sign_and_magnitude(pool, linear[v]) == _sign_and_magnitude(pool, c) for v, c in required
         )
         return first if fits else None
 
@@ -111,7 +111,7 @@ def transferred(old: Pool, root: int, new: Pool, number: Callable[[int], int]) -
 
 def _combinations_in(form: LinearForm, root: int) -> dict[int, _Combination]:
     """Maps nodes inside nonlinear terms that are linear in several unknowns to their combinations."""
-    pool, found = form.pool, dict[int, _Combination]()
+    pool, combination_of = form.pool, dict[int, _Combination]()
     seen: set[int] = set()
     stack = [n for n, _ in terms(pool, root) if form.of(n) is None]
     while stack:
@@ -125,8 +125,8 @@ def _combinations_in(form: LinearForm, root: int) -> dict[int, _Combination]:
         elif len(linear[1]) > 1:
             combination = _combination(pool, linear[1])
             if combination is not None:
-                found[number] = combination
-    return found
+                combination_of[number] = combination
+    return combination_of
 
 
 def _combination(pool: Pool, linear: dict[int, int]) -> _Combination | None:

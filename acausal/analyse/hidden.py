@@ -130,13 +130,13 @@ def _substitution_remainders(structure: Structure, rows: Sequence[int], unknowns
                 done[number] = pool.collected(made) if op in SUMS else made
         return done[node]
 
-    form, found = LinearForm(pool, unknowns), dict[int, int]()
+    form, remainders = LinearForm(pool, unknowns), dict[int, int]()
     # an equation without unknowns is no hidden constraint
     rows = [r for r in rows if pool.variables_in(structure.residuals[r]) & unknowns]
     for r in sorted(rows, key=lambda r: form.of(structure.residuals[r]) is None):
         left = image(structure.residuals[r])
         if not pool.variables_in(left) & unknowns:
-            found[r] = left
+            remainders[r] = left
             continue
         linear = form.of(left)
         if linear is None:
@@ -147,7 +147,7 @@ def _substitution_remainders(structure: Structure, rows: Sequence[int], unknowns
             solved = pool.neg(pool.mul(linear[1][pivot], pool.sub(left, pool.mul(linear[1][pivot], pool.var(pivot)))))
             substitution[pivot] = pool.collected(solved)
             substitution.update({v: image(node) for v, node in substitution.items()})
-    return found
+    return remainders
 
 
 def _exact_remainders(structure: Structure, rows: Iterable[int], unknowns: set[int]) -> dict[int, int]:
@@ -225,9 +225,9 @@ def _differentiated_remainder(structure: Structure, block: Block) -> dict[int, i
 def _highest(reduced: ReducedSystem) -> set[int]:
     """Variables of the undifferentiated equations except states and inputs."""
     pool = reduced.pool
-    found = pool.variables_in(*reduced.residuals)
-    states = {pool.integral_of[v] for v in found if v in pool.integral_of}
-    return set(found - states - set(reduced.inputs))
+    variables = pool.variables_in(*reduced.residuals)
+    states = {pool.integral_of[v] for v in variables if v in pool.integral_of}
+    return set(variables - states - set(reduced.inputs))
 
 
 def _in_flat(reduced: ReducedSystem, node: int) -> int:

@@ -55,10 +55,10 @@ def _refuse_superfluous(reduced: ReducedSystem) -> None:
     flat = reduced.flat
     if len(flat.equations) <= flat.n_scalars - len(flat.inputs):
         return
-    found = unbalanced_component(flat)
-    if found is None:
-        found = _over(reduced, [flat.equations[k] for k in reduced.redundant if k >= 0], [], 1)
-    raise found
+    error = unbalanced_component(flat)
+    if error is None:
+        error = _over(reduced, [flat.equations[k] for k in reduced.redundant if k >= 0], [], 1)
+    raise error
 
 
 def _roots(reduced: ReducedSystem) -> list[int]:

@@ -27,11 +27,11 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
     `by_structure` means that the structure alone proves that the model is singular. The smallest set of equations that
     proves it then says more than null vectors do, except for a single equation without unknowns.
     """
-    found = open_inputs(flat)
-    if found is None and (by_structure or len(flat.equations) != flat.n_scalars - len(flat.inputs)):
-        found = unbalanced_component(flat)
-    if found is not None:
-        return found
+    error = open_inputs(flat)
+    if error is None and (by_structure or len(flat.equations) != flat.n_scalars - len(flat.inputs)):
+        error = unbalanced_component(flat)
+    if error is not None:
+        return error
     numbers = pencil(flat)
     last = empty_equation if by_structure else dependent_equations
     for finder in (
@@ -44,17 +44,17 @@ def probable(flat: FlatSystem, *, by_structure: bool = False) -> StructureError 
         open_motion,
         last,
     ):
-        found = finder(numbers)
-        if found is not None:
-            return found
+        error = finder(numbers)
+        if error is not None:
+            return error
     return None
 
 
 def contradiction(flat: FlatSystem, equation: FlatEquation, value: float) -> StructureError:
     """The error for an equation that reads `value == 0` after all known values are inserted: the cause, or AC205."""
-    found = probable(flat)
-    if found is not None:
-        return found
+    error = probable(flat)
+    if error is not None:
+        return error
     return StructureError(
         "AC205",
         f"{flat.name}: an equation of {label(flat, equation.component)} contradicts the others",
@@ -81,8 +81,8 @@ def open_inputs(flat: FlatSystem) -> StructureError | None:
             for scalar in open_scalars & flat.pool.variables_in(e.left, e.right):
                 if isinstance(e.source, str) or e.component not in readers[scalar]:
                     driven.add(scalar)
-    found = [v for v in candidates if v.first not in driven]
-    return _open(flat, found) if found else None
+    unconnected = [v for v in candidates if v.first not in driven]
+    return _open(flat, unconnected) if unconnected else None
 
 
 def _bound_above(flat: FlatSystem, variable: FlatVariable) -> bool:
@@ -92,16 +92,16 @@ def _bound_above(flat: FlatSystem, variable: FlatVariable) -> bool:
     )
 
 
-def _open(flat: FlatSystem, found: list[FlatVariable]) -> StructureError:
-    first = found[0]
+def _open(flat: FlatSystem, unconnected: list[FlatVariable]) -> StructureError:
+    first = unconnected[0]
     path = component_of(flat, first.path)
     cls = flat.components[path].cls
     name = first.path.rpartition(".")[2]
     unit = f" [{first.declaration.unit}]" if first.declaration.unit else ""
     declared = ", ".join(short(s) for s in stated_at(cls))
     evidence = [f"{first.path}{unit}   {first.declaration.doc}   ({cls.__name__}, {declared})"]
-    if len(found) > 1:
-        evidence.append(f"not connected either: {listed(v.path for v in found[1:])}")
+    if len(unconnected) > 1:
+        evidence.append(f"not connected either: {listed(v.path for v in unconnected[1:])}")
     cause, advice = first.declaration.hint or None, None
     return StructureError(
         "AC209",

@@ -67,15 +67,15 @@ def _both_ways(flat: FlatSystem, counts: dict[str, _Count]) -> StructureError | 
     few, many = ([p for p in imbalance if imbalance[p] * sign > 0] for sign in (-1, 1))
     if not few or not many:
         return None
-    found = _too_few(flat, few[0], counts[few[0]], [])
+    error = _too_few(flat, few[0], counts[few[0]], [])
     other = many[0]
-    found.evidence = (
-        *found.evidence,
+    error.evidence = (
+        *error.evidence,
         f"while {label(flat, other)} {_balance(counts[other])}:",
         *lines(flat, counts[other].stated),
     )
-    found.where = (*found.where[:1], *made_at(flat, other))
-    return found
+    error.where = (*error.where[:1], *made_at(flat, other))
+    return error
 
 
 def _counts(flat: FlatSystem) -> dict[str, _Count]:

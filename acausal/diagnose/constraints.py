@@ -39,9 +39,9 @@ def undetermined(reduced: ReducedSystem, left: Sequence[int], open_ones: Sequenc
     `left` are flat equations that determine nothing, `open_ones` reduced variables without an equation.
     """
     flat = reduced.flat
-    found = probable(flat)
-    if found is not None:
-        return found
+    error = probable(flat)
+    if error is not None:
+        return error
     names = [reduced.name(v) for v in open_ones]
     equations = [flat.equations[k] for k in left]
     owners = listed((label(flat, e.component) for e in equations), 3) or flat.name
@@ -65,10 +65,10 @@ def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> 
     `equation` is the flat equation that is about to be differentiated once more; `at_last` refuses in any case.
     """
     flat = reduced.flat
-    found = probable(flat)
-    if found is None and at_last:
+    error = probable(flat)
+    if error is None and at_last:
         e = flat.equations[equation]
-        found = StructureError(
+        error = StructureError(
             "AC208",
             f"{flat.name}: an equation of {label(flat, e.component)} would have to be differentiated forever",
             where=span_of(e) or made_at(flat, e.component),
@@ -76,8 +76,8 @@ def refuse_if_singular(reduced: ReducedSystem, equation: int, at_last: bool) -> 
             cause="this constraint follows from the others, or contradicts them",
             help="remove it, or replace a rigid component by a compliant one",
         )
-    if found is not None:
-        raise found
+    if error is not None:
+        raise error
 
 
 def overconstrained_loop(reduced: ReducedSystem, undetermined: Sequence[int]) -> StructureError | None:
@@ -101,9 +101,9 @@ def redundant_constraints(reduced: ReducedSystem, equations: Sequence[FlatEquati
     flat = reduced.flat
     if flat.loops:
         return loop_error(flat, [], equations)
-    found = probable(flat)
-    if found is not None:
-        return found
+    error = probable(flat)
+    if error is not None:
+        return error
     owners = list(dict.fromkeys(e.component or flat.name for e in equations))
     return StructureError(
         "AC206",

@@ -91,12 +91,12 @@ def _branches(pool: Pool, rows: Sequence[int], unknowns: set[int]) -> Iterator[M
     while todo and len(seen) < _MOST_BRANCHES_CHECKED:
         root, modes = todo.popleft()
         for number in _wheres(pool, root, modes):
-            _, condition, *both = pool.nodes[number]
+            _, condition, *alternatives = pool.nodes[number]
             decisive, holds = _normalised(pool, condition, True)
-            concerns = pool.variables_in(*both) & unknowns or pool.zero in both
+            concerns = pool.variables_in(*alternatives) & unknowns or pool.zero in alternatives
             if not concerns or _is_fixed_in_run(pool, decisive):
                 continue
-            for node, is_true in zip(both, (holds, not holds), strict=True):
+            for node, is_true in zip(alternatives, (holds, not holds), strict=True):
                 nested_modes = {**modes, decisive: is_true}
                 key = frozenset(nested_modes.items())
                 if key not in seen:
@@ -133,8 +133,8 @@ def _always(pool: Pool, root: int) -> set[int]:
             return ()
         return () if op in LEAVES else operands
 
-    found = {pool.nodes[n][1] for n in closure([root], unswitched) if pool.nodes[n][0] == "var"}
-    return found - pool.variables_in(*switched)
+    variables = {pool.nodes[n][1] for n in closure([root], unswitched) if pool.nodes[n][0] == "var"}
+    return variables - pool.variables_in(*switched)
 
 
 def _is_switched(pool: Pool, number: int) -> bool:
@@ -159,13 +159,13 @@ def _in_modes(pool: Pool, root: int, modes: Modes) -> int:
 
 def _chosen(pool: Pool, operands: Sequence[int], modes: Modes) -> int | None:
     """The branch that is active in `modes`; None if its condition is not decided."""
-    known, holds = _normalised(pool, operands[0], True)
-    return operands[1 if modes[known] == holds else 2] if known in modes else None
+    normalised, holds = _normalised(pool, operands[0], True)
+    return operands[1 if modes[normalised] == holds else 2] if normalised in modes else None
 
 
 def _wheres(pool: Pool, root: int, modes: Modes) -> list[int]:
     """The outermost branches whose condition `modes` does not decide."""
-    found = []
+    undecided = []
 
     def decided(number: int) -> Sequence[int]:
         op, *operands = pool.nodes[number]
@@ -173,11 +173,11 @@ def _wheres(pool: Pool, root: int, modes: Modes) -> list[int]:
             return () if op in LEAVES else operands
         chosen = _chosen(pool, operands, modes)
         if chosen is None:
-            found.append(number)
+            undecided.append(number)
         return () if chosen is None else (chosen,)
 
     closure([root], decided)
-    return sorted(found)
+    return sorted(undecided)
 
 
 def _as_true_relation(pool: Pool, condition: int, holds: bool) -> tuple[int, bool]:

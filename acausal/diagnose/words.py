@@ -38,17 +38,17 @@ def line(flat: FlatSystem, equation: FlatEquation) -> str:
     if len(text) > _WIDTH:
         text = text[: _WIDTH - 4] + " ..."
     made_by_connect = isinstance(equation.source, str)
-    found = flat.components.get(equation.component)
-    names = [] if made_by_connect or found is None else [found.cls.__name__]
+    owner = flat.components.get(equation.component)
+    names = [] if made_by_connect or owner is None else [owner.cls.__name__]
     places = [] if equation.origin is None else [short(equation.origin.span())]
     return f"{text}   ({', '.join(names + places)})"
 
 
 def lines(flat: FlatSystem, equations: Sequence[FlatEquation], limit: int = 6) -> list[str]:
     """Lines of several equations; entries of one vector equation are one line."""
-    found = list(dict.fromkeys(line(flat, e) for e in equations))
-    more = [f"and {counted(len(found) - limit, 'more equation')}"] if len(found) > limit else []
-    return [f"  {text}" for text in found[:limit] + more]
+    texts = list(dict.fromkeys(line(flat, e) for e in equations))
+    more = [f"and {counted(len(texts) - limit, 'more equation')}"] if len(texts) > limit else []
+    return [f"  {text}" for text in texts[:limit] + more]
 
 
 def component_of(flat: FlatSystem, path: str) -> str:
@@ -66,8 +66,8 @@ def _above(path: str) -> str:
 def connector_of(flat: FlatSystem, path: str) -> str | None:
     """Path of the connector to which a variable belongs; None if it belongs to none."""
     owner = _above(path)
-    found = flat.components.get(owner)
-    return owner if found is not None and found.is_connector else None
+    component = flat.components.get(owner)
+    return owner if component is not None and component.is_connector else None
 
 
 def label(flat: FlatSystem, path: str) -> str:
@@ -92,11 +92,11 @@ def places(
     flat: FlatSystem, equations: Iterable[FlatEquation | FlatAssignment | FlatWhen], limit: int = 3
 ) -> list[Span]:
     """Places of equations in the source; for those of the library, where their component was made."""
-    found: list[Span] = []
+    spans: list[Span] = []
     for e in equations:
         of_library = e.origin is None or "library" in Path(e.origin.span().file).parts[-4:]
-        found += made_at(flat, e.component) if of_library or e.origin is None else (e.origin.span(),)
-    return list(dict.fromkeys(found))[:limit]
+        spans += made_at(flat, e.component) if of_library or e.origin is None else (e.origin.span(),)
+    return list(dict.fromkeys(spans))[:limit]
 
 
 def loose(flat: FlatSystem, connectors: Iterable[str]) -> list[str]:
@@ -114,10 +114,10 @@ def unconnected(flat: FlatSystem, component: str) -> bool:
 
 def made_at(flat: FlatSystem, path: str) -> tuple[Span, ...]:
     """Place where the component was made; for the model itself, where its equations begin."""
-    found = flat.components.get(path)
-    if found is None:
+    component = flat.components.get(path)
+    if component is None:
         return ()
-    return (stated_at(found.cls) if not path else ()) or (found.origin.span(),)
+    return (stated_at(component.cls) if not path else ()) or (component.origin.span(),)
 
 
 def parameter_at(flat: FlatSystem, path: str | None) -> tuple[Span, ...]:
@@ -149,10 +149,10 @@ def hint(declarations: Iterable[Declaration]) -> tuple[str | None, str | None]:
 
 def names_of(flat: FlatSystem, scalars: Iterable[int]) -> list[str]:
     """All declared names of the scalars; connected potentials have several."""
-    wanted = set(scalars)
+    requested = set(scalars)
     return [
         v.path + suffix(v.declaration.shape, k - v.first)
         for v in flat.variables
         for k in range(v.first, v.first + v.size)
-        if k in wanted
+        if k in requested
     ]

@@ -40,11 +40,11 @@ def asserts(pool: Pool, instance: Instance, items: Sequence[Statement], resolve:
     ]
 
 
-def places(found: Iterable[Instance], inputs: Iterable[int]) -> dict[int, Place]:
+def places(all_instances: Iterable[Instance], inputs: Iterable[int]) -> dict[int, Place]:
     """First declaration of every discrete scalar that is no input of the model."""
     model_inputs = set(inputs)
     first_declaration: dict[int, Place] = {}
-    for instance in found:
+    for instance in all_instances:
         for name, declaration in instance.component._declarations.items():
             if declaration.discrete:
                 for k in range(len(suffixes(declaration.shape))):

@@ -94,31 +94,31 @@ def flatten(
     DeclarationError, UnitError, UsageError, StructureError
         With the path of the faulty component and its place in the source; AC028 if `model` is not a component.
     """
-    overrides, (found, added) = dict(parameters or {}), placed(model, choices)
-    check_overrides(overrides, found)
-    pool, number_of = Pool(), numbers(found)
-    composites = {i.number: statements(i.component) for i in found if not i.is_leaf}
-    leaves = _LeafStatements([i for i in found if i.number not in composites])
+    overrides, (all_instances, added) = dict(parameters or {}), placed(model, choices)
+    check_overrides(overrides, all_instances)
+    pool, number_of = Pool(), numbers(all_instances)
+    composites = {i.number: statements(i.component) for i in all_instances if not i.is_leaf}
+    leaves = _LeafStatements([i for i in all_instances if i.number not in composites])
     connected = _connections({**composites, **leaves.connecting()})
     physical, signals = joints(connected, number_of)
-    check_signals(found, signals)
-    cut = freed_signals(model, found)
-    elements = [j for j in element_joints(found, connected, signals, number_of) if j.sink[:2] not in cut]
+    check_signals(all_instances, signals)
+    cut = freed_signals(model, all_instances)
+    elements = [j for j in element_joints(all_instances, connected, signals, number_of) if j.sink[:2] not in cut]
     signals = cut_joints(signals, cut)
-    tree = spanning_tree(found, physical, number_of)
-    variables = allocate(pool, found, physical, signals, tree.cut)
-    free = ParameterTable(pool, found, number_of, overrides)
-    builder = _Builder(pool, found, number_of, free, open_inputs(found[0], cut))
+    tree = spanning_tree(all_instances, physical, number_of)
+    variables = allocate(pool, all_instances, physical, signals, tree.cut)
+    free = ParameterTable(pool, all_instances, number_of, overrides)
+    builder = _Builder(pool, all_instances, number_of, free, open_inputs(all_instances[0], cut))
     builder.slopes()  # before counting scalars: rules for derivatives may add unknowns
     n_scalars, table = pool.n_variables, tuple(free.table())
     equations = builder.leaf_equations(leaves) + builder.composite_equations(composites)
-    equations = cut_equations(pool, found, equations, cut)
-    inputs = input_scalars(found, builder.open)
-    discrete = places(found, inputs)
+    equations = cut_equations(pool, all_instances, equations, cut)
+    inputs = input_scalars(all_instances, builder.open)
+    discrete = places(all_instances, inputs)
     equations += constancy(pool, discrete) + builder.inputs(signals, elements)
     check_assigned(builder.assignments, builder.whens, discrete, inputs)
-    junctions = flow_sets(found, physical)
-    refuse_open(found, junctions)
+    junctions = flow_sets(all_instances, physical)
+    refuse_open(all_instances, junctions)
     cuts = [physical[k] for k in sorted(tree.cut)]
     equations += builder.flow_equations(junctions) + builder.residuals(cuts)
     starts, surplus = builder.starts()
@@ -144,12 +144,12 @@ def flatten(
         delays=delayed,
         undelayed=tuple(pool.undelayed),
         experiment=type(model).experiment,
-        components={i.path: FlatComponent(type(i.component), i.origin) for i in found},
+        components={i.path: FlatComponent(type(i.component), i.origin) for i in all_instances},
         loops=tree.loops,
-        notes=(*added, *_cuts(found, cuts), *idle_components(pool, found, junctions, equations)),
+        notes=(*added, *_cuts(all_instances, cuts), *idle_components(pool, all_instances, junctions, equations)),
     )
     check_values(flat, flat.parameter_values)
-    refuse_unstated([i.component for i in found])
+    refuse_unstated([i.component for i in all_instances])
     if choices or not overrides:  # with choices, a parameter may matter in another structure of the model
         return flat
     return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
@@ -165,8 +165,8 @@ def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, C
     ]
 
 
-def _cuts(found: Sequence[Instance], cut: Sequence[Joint]) -> list[str]:
-    return [f"loop of frames cut between {found[j.a].path} and {found[j.b].path}" for j in cut]
+def _cuts(all_instances: Sequence[Instance], cut: Sequence[Joint]) -> list[str]:
+    return [f"loop of frames cut between {all_instances[j.a].path} and {all_instances[j.b].path}" for j in cut]
 
 
 class _LeafStatements:

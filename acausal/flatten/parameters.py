@@ -62,10 +62,10 @@ class ParameterTable:
     def nodes(self, instance: Instance, name: str) -> Scalars:
         """Nodes of the entries of one parameter."""
         key = (instance.number, name)
-        found = self._nodes.get(key)
-        if found is None:
-            found = self._nodes[key] = self._resolve(instance, name)
-        return found
+        nodes_of_entries = self._nodes.get(key)
+        if nodes_of_entries is None:
+            nodes_of_entries = self._nodes[key] = self._resolve(instance, name)
+        return nodes_of_entries
 
     def _resolve(self, instance: Instance, name: str) -> Scalars:
         path = instance.prefix + name
@@ -216,8 +216,8 @@ def doubtful_values(flat: FlatSystem, values: Sequence[float]) -> tuple[str, ...
 
 
 def _violated(flat: FlatSystem, values: Sequence[float], level: str) -> list[FlatAssert]:
-    own = (d for d in flat.demands if d.level == level)
-    return [d for d in own if flat.pool.parameter_value(d.condition, values) == 0.0]
+    of_level = (d for d in flat.demands if d.level == level)
+    return [d for d in of_level if flat.pool.parameter_value(d.condition, values) == 0.0]
 
 
 def _subject(flat: FlatSystem, demand: FlatAssert) -> str:

@@ -385,51 +385,51 @@ class Pool:
         """Numbers of the variables that `roots` depend on; small results for a single root are cached."""
         if len(roots) != 1:
             return frozenset(self._variables_of_many(roots))
-        known = self._variables.get(roots[0])
-        if known is not None:
-            return frozenset(known)
-        found = frozenset(set(self.entries(roots[0])))
-        if len(found) <= _MOST_CACHED:  # caching all partial sums of n terms would need memory of order n^2
-            self._variables[roots[0]] = tuple(found)  # a tuple needs a third of the memory of a set
-        return found
+        cached = self._variables.get(roots[0])
+        if cached is not None:
+            return frozenset(cached)
+        variables = frozenset(set(self.entries(roots[0])))
+        if len(variables) <= _MOST_CACHED:  # caching all partial sums of n terms would need memory of order n^2
+            self._variables[roots[0]] = tuple(variables)  # a tuple needs a third of the memory of a set
+        return variables
 
     def entries(self, root: int) -> list[int]:
         """Variables that a node depends on, in no particular order and possibly repeated; without caching."""
         nodes, stack = self.nodes, [root]
-        found: list[int] = []
+        variables: list[int] = []
         for _ in range(_MOST_WITHOUT_SET):
             if not stack:
-                return found
+                return variables
             node = nodes[stack.pop()]
             op = node[0]
             if op == "var":
-                found.append(node[1])
+                variables.append(node[1])
             elif op not in LEAVES:
                 stack += node[1:]
         # A large expression may share so many nodes that the number of its paths explodes.
         return list(self._variables_of_many((root,)))
 
     def _variables_of_many(self, roots: Iterable[int]) -> set[int]:
-        nodes, known = self.nodes, self._variables
+        nodes, cached = self.nodes, self._variables
         stack = list(roots)
         if len(stack) * _DENSE > len(nodes):
             return {nodes[n][1] for n in self.reachable(stack) if nodes[n][0] == "var"}
-        seen, found = set[int](), set[int]()
+        seen, variables = set[int](), set[int]()
         while stack:
             number = stack.pop()
             if number in seen:
                 continue
             seen.add(number)
-            if number in known:
-                found.update(known[number])
+            if number in cached:
+                variables.update(cached[number])
                 continue
             node = nodes[number]
             op = node[0]
             if op == "var":
-                found.add(node[1])
+                variables.add(node[1])
             elif op not in LEAVES:
                 stack.extend(node[1:])
-        return found
+        return variables
 
     def variables_behind(self, roots: Iterable[int], definitions: Mapping[int, int]) -> set[int]:
         """Variables that `roots` depend on, also through definitions of variables by nodes."""
@@ -472,14 +472,14 @@ class Pool:
 
 def closure(start: Iterable[int], depends: Callable[[int], Iterable[int]]) -> set[int]:
     """`start` and everything that these depend on, directly or indirectly."""
-    found: set[int] = set()
+    reached: set[int] = set()
     stack = list(start)
     while stack:
         here = stack.pop()
-        if here not in found:
-            found.add(here)
+        if here not in reached:
+            reached.add(here)
             stack.extend(depends(here))
-    return found
+    return reached
 
 
 class _Retired(dict[Node, int]):
@@ -503,9 +503,9 @@ def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:
     if op == "neg":
         return ((node[1], -1.0),)
     if op == "mul":
-        for known, other in ((node[1], node[2]), (node[2], node[1])):
-            if nodes[known][0] == "const":
-                return ((other, nodes[known][1]),)
+        for factor, other in ((node[1], node[2]), (node[2], node[1])):
+            if nodes[factor][0] == "const":
+                return ((other, nodes[factor][1]),)
     return ()
 
 

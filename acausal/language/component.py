@@ -186,14 +186,14 @@ class Component(Owner):
 
     def _sized(self) -> dict[str, Declaration]:
         """Declarations of this instance, with shapes computed from its structural values."""
-        cls, own, given = type(self), self.__dict__, self.__dict__["_given"]
+        cls, attributes, given = type(self), self.__dict__, self.__dict__["_given"]
         for name, declaration in cls._declarations.items():
             if declaration.kind is Kind.STRUCTURAL:
                 if name in given:
                     self._give(name, declaration, given[name])
                 else:
-                    own[name] = self._decided(name, declaration)
-        found: dict[str, Declaration] = {}
+                    attributes[name] = self._decided(name, declaration)
+        declarations: dict[str, Declaration] = {}
         for name, declaration in cls._declarations.items():
             if declaration.sized is not None:
                 own_name = f"{cls.__name__}.{name}"
@@ -203,8 +203,8 @@ class Component(Owner):
                 except DeclarationError as error:
                     error.where = (*calling_span(), *declared_at(cls, name))
                     raise
-            found[name] = declaration
-        return found
+            declarations[name] = declaration
+        return declarations
 
     def _refuse_resized(self) -> None:
         """Refuse structural values set in `build` if they change shapes, which the start values no longer match."""
@@ -277,8 +277,8 @@ class Component(Owner):
         if isinstance(value, list | tuple):
             value = list(value)
         members = value if isinstance(value, list) else [value]
-        prototype, wanted = self._prototypes.get(name), declared_class(type(self), name)
-        is_one = wanted is not None and members is value and annotation_of(type(self), name)[0] != "["
+        prototype, declared_cls = self._prototypes.get(name), declared_class(type(self), name)
+        is_one = declared_cls is not None and members is value and annotation_of(type(self), name)[0] != "["
         for k, member in enumerate(members):
             if not isinstance(member, Component):
                 raise DeclarationError(
@@ -301,17 +301,17 @@ class Component(Owner):
                     f"not a {type(member).__name__}",
                     help="a connector is declared in the class; it need not be given",
                 )
-            if wanted is not None and is_one:
+            if declared_cls is not None and is_one:
                 raise DeclarationError(
                     "AC116",
-                    f"{type(self).__name__}: part '{name}' is one {wanted.__name__}, not a list",
+                    f"{type(self).__name__}: part '{name}' is one {declared_cls.__name__}, not a list",
                     where=(*calling_span(), *declared_at(type(self), name)),
-                    help=f"make {annotation_of(type(self), name)}, or declare it as list[{wanted.__name__}]",
+                    help=f"make {annotation_of(type(self), name)}, or declare it as list[{declared_cls.__name__}]",
                 )
-            if wanted is not None and not isinstance(member, wanted):
+            if declared_cls is not None and not isinstance(member, declared_cls):
                 raise DeclarationError(
                     "AC116",
-                    f"{type(self).__name__}: part '{name}' is declared as {wanted.__name__}, "
+                    f"{type(self).__name__}: part '{name}' is declared as {declared_cls.__name__}, "
                     f"{type(member).__name__} is none",
                     where=(*calling_span(), *declared_at(type(self), name)),
                     help=f"make {annotation_of(type(self), name)}, or declare a class that both derive from"
@@ -466,11 +466,11 @@ class Record(Component):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        held = {n: d.kind for n, d in cls._declarations.items()}
+        kinds = {n: d.kind for n, d in cls._declarations.items()}
         parts = {n: type(p) for n, p in cls._prototypes.items()}
-        wrong = [n for n, k in held.items() if k not in (Kind.PARAMETER, Kind.STRUCTURAL, Kind.PART)]
+        wrong = [n for n, k in kinds.items() if k not in (Kind.PARAMETER, Kind.STRUCTURAL, Kind.PART)]
         wrong += [n for n in STATING if hasattr(cls, n)]
-        wrong += [n for n, k in held.items() if k is Kind.PART and not issubclass(parts.get(n, Component), Record)]
+        wrong += [n for n, k in kinds.items() if k is Kind.PART and not issubclass(parts.get(n, Component), Record)]
         if wrong:
             raise DeclarationError(
                 "AC190",
@@ -586,9 +586,9 @@ def _clash(base: type[Component], name: str, value: object) -> tuple[str, str] |
     inherited = base._prototypes.get(name)
     if inherited is None or isinstance(inherited, Connector) or not isinstance(value, Component):
         return "", ""
-    wanted, given = declared_class(base, name) or type(inherited), type(value)
-    if issubclass(given, wanted):
+    declared_cls, given = declared_class(base, name) or type(inherited), type(value)
+    if issubclass(given, declared_cls):
         return None
     common = next(c for c in given.__mro__ if isinstance(inherited, c)).__name__
     remedy = f"declare it in {base.__name__} as their base: {name}: {common} = ..." if common != "Component" else ""
-    return f"{base.__name__}.{name} is declared as {wanted.__name__}, {given.__name__} is none", remedy
+    return f"{base.__name__}.{name} is declared as {declared_cls.__name__}, {given.__name__} is none", remedy

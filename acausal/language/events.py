@@ -77,8 +77,8 @@ class When(Statement):
             actions.append(f'terminate("{self.terminate}")')
         conditions_text = ", ".join(map(str, self.conditions))
         conditions_text = f"({conditions_text})" if len(self.conditions) > 1 else conditions_text
-        own = f"{self.keyword}({', '.join([conditions_text, *actions])})"
-        return ".".join([own, *map(str, self.branches)])
+        text = f"{self.keyword}({', '.join([conditions_text, *actions])})"
+        return ".".join([text, *map(str, self.branches)])
 
     def elsewhen(self, condition: Expr | Sequence[Expr], *actions: Reset | Terminate) -> When:
         """This `when` with another branch, which acts when its condition becomes true and no earlier one does so too.

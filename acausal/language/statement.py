@@ -138,8 +138,8 @@ def refuse_discarded_generators(cls: type, where: str, function: Callable[..., A
 
 
 def _yields(cls: type, function: Callable[..., Any], name: str) -> bool:
-    found = inspect.getattr_static(cls, name, None) or getattr(function, "__globals__", {}).get(name)
-    return inspect.isgeneratorfunction(found)
+    member = inspect.getattr_static(cls, name, None) or getattr(function, "__globals__", {}).get(name)
+    return inspect.isgeneratorfunction(member)
 
 
 @cache

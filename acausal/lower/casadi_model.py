@@ -214,10 +214,10 @@ class CasadiModel:
     @property
     def functions(self) -> dict[str, Any]:
         """All functions by name, those of the events as `events.NAME`."""
-        found = {name: getattr(self, name) for name in FUNCTIONS}
+        by_name = {name: getattr(self, name) for name in FUNCTIONS}
         if self.events is not None:
-            found |= {f"events.{name}": getattr(self.events, name) for name in EVENT_FUNCTIONS}
-        return found
+            by_name |= {f"events.{name}": getattr(self.events, name) for name in EVENT_FUNCTIONS}
+        return by_name
 
     def source(self) -> dict[str, str]:
         """C of all functions: the texts of `NAME.c`, `NAME.h` and `NAME_main.c` by file name; see docs/casadi.md.

@@ -39,9 +39,9 @@ def polynomial(window: Any, instant: Any) -> Any:
 @cache
 def points(degree: int) -> Vector:
     """The extrema on [-1, 1] of the polynomial of this degree, ascending, shape (degree + 1,)."""
-    found = -np.cos(np.pi * np.arange(degree + 1) / degree)
-    found[0], found[-1] = -1.0, 1.0
-    return found
+    nodes = -np.cos(np.pi * np.arange(degree + 1) / degree)
+    nodes[0], nodes[-1] = -1.0, 1.0
+    return nodes
 
 
 @cache
@@ -52,20 +52,24 @@ def transform(degree: int) -> Vector:
 
 def fitted(values: Vector) -> Vector:
     """Coefficients from values at `points`, shape (degree + 1,) or (degree + 1, n); those of a constant are exact."""
-    found = transform(len(values) - 1) @ values
+    coefficients = transform(len(values) - 1) @ values
     is_constant = (values == values[0]).all(axis=0)
     if np.ndim(is_constant) == 0:
-        return np.append(values[0], np.zeros(len(values) - 1)) if is_constant else np.asarray(found, dtype=np.float64)
-    found[:, is_constant] = 0.0
-    found[0, is_constant] = values[0, is_constant]
-    return np.asarray(found, dtype=np.float64)
+        return (
+            np.append(values[0], np.zeros(len(values) - 1))
+            if is_constant
+            else np.asarray(coefficients, dtype=np.float64)
+        )
+    coefficients[:, is_constant] = 0.0
+    coefficients[0, is_constant] = values[0, is_constant]
+    return np.asarray(coefficients, dtype=np.float64)
 
 
 def between(a: float, b: float, degree: int) -> Vector:
     """The points on [a, b], shape (degree + 1,); both ends are exact."""
-    found = 0.5 * (a + b) + 0.5 * (b - a) * points(degree)
-    found[0], found[-1] = a, b
-    return found
+    nodes = 0.5 * (a + b) + 0.5 * (b - a) * points(degree)
+    nodes[0], nodes[-1] = a, b
+    return nodes
 
 
 def tail(coefficients: Vector) -> Vector:

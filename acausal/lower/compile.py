@@ -132,8 +132,8 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         is_reduced_model = outputs is not None or bool(freeze) or bool(quasi_static)
         if is_reduced_model:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
-        wanted = None if outputs is None else tuple(_names("outputs", outputs))
-        reduction_options = (wanted, freeze, quasi_static) if is_reduced_model else None
+        requested = None if outputs is None else tuple(_names("outputs", outputs))
+        reduction_options = (requested, freeze, quasi_static) if is_reduced_model else None
         key = signature(flat, formulation, reduction_options) if recipe.cache else None
         cached = recall(key, flat) if key is not None else None
         if cached is not None:
@@ -143,7 +143,7 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         solution = solved(flat, formulation, clock=clock)
         selection = None
         if is_reduced_model:
-            solution, selection = select(solution, wanted, quasi_static, formulation)
+            solution, selection = select(solution, requested, quasi_static, formulation)
             selection = replace(selection, left=(*confined_parts, *selection.left))
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)

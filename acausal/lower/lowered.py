@@ -91,9 +91,11 @@ class Lowered:
 
         A run skips searches for operations that are absent here.
         """
-        found = {node[0] for node in self.solution.structure.reduced.pool.nodes}
-        calls = {op for op in found if isinstance(op, Call)}
-        return frozenset(found - calls | {"table" if isinstance(op.external, Lookup) else "call" for op in calls})
+        all_operations = {node[0] for node in self.solution.structure.reduced.pool.nodes}
+        calls = {op for op in all_operations if isinstance(op, Call)}
+        return frozenset(
+            all_operations - calls | {"table" if isinstance(op.external, Lookup) else "call" for op in calls}
+        )
 
     @property
     def flat(self) -> FlatSystem:
@@ -162,14 +164,14 @@ class Lowered:
         reduced = self.solution.structure.reduced
         pool = reduced.pool
         order = [*self.state_variables, *self.solution.algebraic, *reduced.inputs]
-        found = dict.fromkeys(pool.vars([*order, *(v for v, _ in self.solution.definitions)]))
+        ordered = dict.fromkeys(pool.vars([*order, *(v for v, _ in self.solution.definitions)]))
         for scalar, node in enumerate(reduced.image):
             op, *rest = pool.nodes[node]
             if op == "neg":
                 op = pool.nodes[rest[0]][0]
             if scalar not in reduced.left_out and op not in ("var", "const") and pool.variables_in(node):
-                found[node] = None
-        return tuple(found)
+                ordered[node] = None
+        return tuple(ordered)
 
     @property
     def mode_nodes(self) -> tuple[int, ...]:
@@ -203,11 +205,11 @@ class Lowered:
         """Distinct nodes of flat scalars that depend on parameters only."""
         reduced = self.solution.structure.reduced
         pool = reduced.pool
-        found: dict[int, None] = {}
+        distinct: dict[int, None] = {}
         for node in reduced.image:
             op, *rest = pool.nodes[node]
             if op == "neg":
                 op = pool.nodes[rest[0]][0]
-            if op != "var" and node not in found and not pool.variables_in(node):
-                found[node] = None
-        return tuple(found)
+            if op != "var" and node not in distinct and not pool.variables_in(node):
+                distinct[node] = None
+        return tuple(distinct)

@@ -16,10 +16,10 @@ def nonlinear_blocks(slope: Any, unknowns: Any) -> list[tuple[list[int], list[in
     pattern = slope.sparsity()
     _, equations, columns, first, *_ = pattern.btf()
     slope_dependence = ca.jacobian_sparsity(slope.nz[:], unknowns).T  # columns are entries of the slope
-    first_of_column, depends, found = slope_dependence.colind(), slope_dependence.row(), []
+    first_of_column, depends, blocks = slope_dependence.colind(), slope_dependence.row(), []
     for a, b in pairwise(first):
         block = list(equations[a:b]), list(columns[a:b])
         own_unknowns, (_, entries) = set(block[1]), pattern.sub(*block, False)
         if any(own_unknowns.intersection(depends[first_of_column[k] : first_of_column[k + 1]]) for k in entries):
-            found.append(block)
-    return found
+            blocks.append(block)
+    return blocks

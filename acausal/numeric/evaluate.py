@@ -115,7 +115,7 @@ def gradients(
     pool: Pool, roots: Sequence[int], variables: Iterable[int], leaves: Mapping[str, Callable[[int], Any]]
 ) -> list[Gradient]:
     """Partial derivatives of each root by `variables`, as sparse rows that map variables to values, shape (K,)."""
-    wanted = set(variables)
+    requested = set(variables)
     value = values(pool, roots, leaves)
     slope: dict[int, Gradient] = {}
     chains, needed = _sums(pool, roots, value)
@@ -126,7 +126,7 @@ def gradients(
             if number in chains:
                 slope[number] = _combine((float(times), slope[a]) for a, times in chains[number])
             elif op == "var":
-                slope[number] = {node[1]: 1.0} if node[1] in wanted else {}
+                slope[number] = {node[1]: 1.0} if node[1] in requested else {}
             elif op in ("const", "par", "time"):
                 slope[number] = {}
             else:

@@ -110,47 +110,47 @@ class SamplePoints:
 
     def significant(self, node: int) -> Samples:
         """Like `everywhere`, with zero for values that consist of rounding errors of cancelling terms."""
-        known = self._constant_values.get(node)
-        if known is not None:
-            return known
-        found = self._significant(node)
+        cached = self._constant_values.get(node)
+        if cached is not None:
+            return cached
+        samples = self._significant(node)
         if not self.varies(node):  # later definitions do not change it, and equal cells of a field share the node
-            self._constant_values[node] = found
-        return found
+            self._constant_values[node] = samples
+        return samples
 
     def _significant(self, node: int) -> Samples:
-        found = self.everywhere(node)
+        samples = self.everywhere(node)
         if agrees(self.reduced.pool, node, self._values, self._single_precision):
-            return found
+            return samples
         certain = is_significant(self.reduced.pool, node, self._values, self._bounds)
-        return np.where(certain | ~np.isfinite(found), found, 0.0)
+        return np.where(certain | ~np.isfinite(samples), samples, 0.0)
 
     def varies(self, node: int) -> bool:
         """Whether the node depends on a variable or on time."""
-        nodes, known = self.reduced.pool.nodes, self._varies
-        for here in self.reduced.pool.reachable([node], known):
+        nodes, varying = self.reduced.pool.nodes, self._varies
+        for here in self.reduced.pool.reachable([node], varying):
             op, *operands = nodes[here]
-            known[here] = op in ("var", "time") if op in LEAVES else any(known[c] for c in operands)
-        return known[node]
+            varying[here] = op in ("var", "time") if op in LEAVES else any(varying[c] for c in operands)
+        return varying[node]
 
     def _value(self, node: int) -> Any:
         """Value of a node; every node below it is evaluated only once, until a variable is redefined."""
-        nodes, known = self.reduced.pool.nodes, self._values
+        nodes, value_of = self.reduced.pool.nodes, self._values
         leaves: Mapping[str, Callable[[int], Any]] = {
             "var": self._variable,
             "par": self.parameters.__getitem__,
             "time": lambda _: self._times,
         }
         with np.errstate(all="ignore"):
-            for here in self.reduced.pool.reachable([node], known):
+            for here in self.reduced.pool.reachable([node], value_of):
                 op, *operands = nodes[here]
                 if op == "const":
-                    known[here] = operands[0]
+                    value_of[here] = operands[0]
                 elif op in LEAVES:
-                    known[here] = leaves[op](operands[0] if operands else 0)
+                    value_of[here] = leaves[op](operands[0] if operands else 0)
                 else:
-                    known[here] = operation(op)(*[known[c] for c in operands])
-        return known[node]
+                    value_of[here] = operation(op)(*[value_of[c] for c in operands])
+        return value_of[node]
 
     def _evaluate(self, variable: int) -> None:
         """Evaluate a defined variable after those in its definition; without recursion, because chains may be long."""
@@ -190,15 +190,15 @@ class SamplePoints:
                 nominal = declared.nominal
                 start = self.start(variable)
             offset = 1.0 if variable >= 997 else 0.9
-            found = start + offset * nominal * self._directions[(variable * 7919) % 997]
+            samples = start + offset * nominal * self._directions[(variable * 7919) % 997]
             if declared is not None and (declared.boolean or declared.integer):
                 # Sample both branches of a switch, but no values that it never takes.
-                found = np.mod(np.round(found - start) + start, 2.0) if declared.boolean else np.round(found)
+                samples = np.mod(np.round(samples - start) + start, 2.0) if declared.boolean else np.round(samples)
                 if declared.boolean:  # for the mode in which all friction elements stick, which chance would not hit
-                    found[ALL_TRUE] = 1.0
+                    samples[ALL_TRUE] = 1.0
             visited_values = self._visited_values(variable)
-            found[EVERYWHERE - len(visited_values) :] = visited_values
-            self._samples[variable] = found
+            samples[EVERYWHERE - len(visited_values) :] = visited_values
+            self._samples[variable] = samples
         return self._samples[variable]
 
     def _visited_values(self, variable: int) -> Samples:
@@ -270,9 +270,9 @@ def agrees(pool: Pool, node: int, values: dict[int, Any], single: dict[int, Any]
                 single[here] = np.asarray(values[here]).astype(np.float32)[()]
             else:
                 single[here] = operation(op)(*[single[c] for c in operands])
-        found = np.asarray(single[node])
+        approximate = np.asarray(single[node])
         exact = np.asarray(values[node], dtype=float)
-        return found.dtype == np.float32 and bool((np.abs(found - exact) < AGREES * np.abs(exact)).all())
+        return approximate.dtype == np.float32 and bool((np.abs(approximate - exact) < AGREES * np.abs(exact)).all())
 
 
 def is_significant(pool: Pool, node: int, values: dict[int, Any], bounds: dict[int, Any]) -> Samples:

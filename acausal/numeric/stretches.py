@@ -50,8 +50,8 @@ def stretches(ends: Vector, rows: Vector, error: float) -> Indices:
         """Whether the rows from each `first` up to its `last` form one cubic; shapes (k,)."""
         left, length = ends[first], ends[last] - ends[first]
         at = left[:, None] + length[:, None] * _NODES
-        inside = np.clip(np.searchsorted(ends, at, side="right") - 1, first[:, None], last[:, None] - 1)
-        cubic = _horner(rows[inside], at - ends[inside]) @ _TO_COEFFICIENTS
+        row_at = np.clip(np.searchsorted(ends, at, side="right") - 1, first[:, None], last[:, None] - 1)
+        cubic = _horner(rows[row_at], at - ends[row_at]) @ _TO_COEFFICIENTS
         counts = last - first
         begins = np.concatenate([[0], np.cumsum(counts)[:-1]])
         stretch = np.repeat(np.arange(len(first)), counts)

@@ -41,10 +41,10 @@ def dependence(solution: Solution) -> Dependence:
     for _, node in structure.invariants:
         for x in reduced.pool.variables_in(node):
             nodes.setdefault(x, []).append(node)
-    for when, found in zip(reduced.flat.whens, reduced.whens, strict=True):
-        for (scalar, _), value in zip(when.actions, found.values, strict=True):
+    for when, when_nodes in zip(reduced.flat.whens, reduced.whens, strict=True):
+        for (scalar, _), value in zip(when.actions, when_nodes.values, strict=True):
             for x in reduced.pool.variables_in(reduced.image[scalar]):
-                nodes.setdefault(x, []).extend((*found.guards, value))
+                nodes.setdefault(x, []).extend((*when_nodes.guards, value))
     for assignment, value in zip(reduced.flat.assignments, reduced.assignments, strict=True):
         for x in reduced.pool.variables_in(reduced.image[assignment.scalar]):
             nodes.setdefault(x, []).append(value)
@@ -76,15 +76,15 @@ def _variables_at_instant(solution: Solution, nodes: dict[int, list[int]], node:
 
 def loops(solution: Solution) -> list[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Iterated unknowns and their residuals, block by block."""
-    found = []
+    pairs = []
     first = 0
     for block in solution.blocks:
         if block.iterated:
             last = first + len(block.iterated)
-            found.append((block.iterated, solution.residuals[first:last]))
+            pairs.append((block.iterated, solution.residuals[first:last]))
             first = last
     assert first == len(solution.residuals), "every residual belongs to a block"
-    return found
+    return pairs
 
 
 def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
@@ -95,11 +95,11 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
     structure = solution.structure
     reduced = structure.reduced
     pool = reduced.pool
-    wanted = pool.variables_in(*(reduced.image[s] for s in scalars))
-    wanted |= pool.variables_in(
+    roots = pool.variables_in(*(reduced.image[s] for s in scalars))
+    roots |= pool.variables_in(
         *(n for w, found in zip(reduced.flat.whens, reduced.whens, strict=True) if _ends_runs(w) for n in found.guards)
     )
-    kept = dependence(solution).closure(solution, wanted)
+    kept = dependence(solution).closure(solution, roots)
     states = tuple(x for x in structure.states if x in kept)
     structure = replace(
         structure,
@@ -108,13 +108,13 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
         reduced=_restricted(reduced, kept, scalars),
     )
     definitions = tuple(d for d in solution.definitions if d[0] in kept)
-    inside = [(iterated, residuals) for iterated, residuals in loops(solution) if iterated[0] in kept]
-    residuals = tuple(r for _, rows in inside for r in rows)
+    kept_loops = [(iterated, residuals) for iterated, residuals in loops(solution) if iterated[0] in kept]
+    residuals = tuple(r for _, rows in kept_loops for r in rows)
     blocks = (replace(b, unknowns=tuple(v for v in b.unknowns if v in kept)) for b in solution.blocks)
     return Solution(
         structure=structure,
         definitions=definitions,
-        algebraic=tuple(z for iterated, _ in inside for z in iterated),
+        algebraic=tuple(z for iterated, _ in kept_loops for z in iterated),
         residuals=residuals,
         needed=needed(structure, definitions, residuals),
         blocks=tuple(b for b in blocks if b.unknowns),
@@ -141,11 +141,11 @@ def _restricted(reduced: ReducedSystem, kept: frozenset[int], scalars: Sequence[
     note = f"not checked, because no output depends on its variables: {'; '.join(unchecked)}"
     assigned = [k for k, a in enumerate(flat.assignments) if is_kept(reduced.image[a.scalar])]
     whens, when_nodes = [], []
-    for when, found in zip(flat.whens, reduced.whens, strict=True):
+    for when, nodes in zip(flat.whens, reduced.whens, strict=True):
         kept_actions = [k for k, (s, _) in enumerate(when.actions) if pool.variables_in(reduced.image[s]) & kept]
         if kept_actions or _ends_runs(when):
             whens.append(when._replace(actions=tuple(when.actions[k] for k in kept_actions)))
-            when_nodes.append(found._replace(values=tuple(found.values[k] for k in kept_actions)))
+            when_nodes.append(nodes._replace(values=tuple(nodes.values[k] for k in kept_actions)))
     return replace(
         reduced,
         flat=replace(

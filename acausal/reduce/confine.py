@@ -38,9 +38,9 @@ def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple
     choices: dict[str, Choice] = {path: c.least(True) for path, c in components(model) if is_changing(c)}
     growing = list(choices)
     while growing:
-        found = {path: _extended(path, choices, solved) for path in choices}
-        choices = {path: choice for path, (choice, _) in found.items()}
-        growing = [path for path, (_, grown) in found.items() if grown]
+        extended = {path: _extended(path, choices, solved) for path in choices}
+        choices = {path: choice for path, (choice, _) in extended.items()}
+        growing = [path for path, (_, grown) in extended.items() if grown]
     for path, choice in choices.items():
         refuse_unsteady(type(model).__name__, {path: choice}, "it cannot be reduced")
     return choices, tuple(Left(CONTACT, f"{path}: {n}", why) for path, c in choices.items() for n, why in c.apart())
@@ -54,12 +54,12 @@ def _extended(path: str, choices: Mapping[str, Choice], solved: Solved) -> tuple
         return choice.confined({})
     solution = solved([_named(path, name) for name in names], choices)
     reduced = solution.structure.reduced
-    found = {}
+    bounds_of = {}
     for name in names:
         scalars = output_scalars(reduced.flat, [_named(path, name)])
         low, high = np.array(bounds(solution, [reduced.image[s] for s in scalars.values()])).T
-        found[name] = low, high
-    return choice.confined(found)
+        bounds_of[name] = low, high
+    return choice.confined(bounds_of)
 
 
 def _named(path: str, name: str) -> str:

@@ -96,5 +96,7 @@ def _folded(reduced: ReducedSystem, images: Mapping[int, int]) -> ReducedSystem:
 
 def _blocks(solution: Solution, constant_variables: Mapping[int, int]) -> tuple[BlockReport, ...]:
     """Blocks without the unknowns that are constant."""
-    found = (replace(b, unknowns=tuple(v for v in b.unknowns if v not in constant_variables)) for b in solution.blocks)
-    return tuple(b for b in found if b.unknowns)
+    remaining = (
+        replace(b, unknowns=tuple(v for v in b.unknowns if v not in constant_variables)) for b in solution.blocks
+    )
+    return tuple(b for b in remaining if b.unknowns)

@@ -53,12 +53,12 @@ def freeze(flat: FlatSystem, names: Sequence[str]) -> FlatSystem:
 def _nominals(flat: FlatSystem) -> tuple[float, ...]:
     """Magnitude of every scalar before any parameter is frozen."""
     reduced = reduce(flat)
-    found = [flat.declaration(s).nominal for s in range(flat.n_scalars)]
+    sizes = [flat.declaration(s).nominal for s in range(flat.n_scalars)]
     for v, scalars in reduced.aliases.items():
         size = nominal(reduced, v)
         for s in scalars:
-            found[s] = size
-    return tuple(found)
+            sizes[s] = size
+    return tuple(sizes)
 
 
 def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
@@ -73,17 +73,17 @@ def _frozen(flat: FlatSystem, names: Sequence[str]) -> set[int]:
                 entries.setdefault(p.path + suffix, [node[1]] if node[0] == "par" else [])
         for owner in _owners(p.path):
             entries.setdefault(owner, []).extend(numbers)
-    found: set[int] = set()
+    indices: set[int] = set()
     for name in (n.strip() for n in names):
         if name in entries:
-            found.update(entries[name])
+            indices.update(entries[name])
         elif name == ZEROS:
-            found.update(k for k, v in enumerate(flat.parameter_values) if v == 0.0)
+            indices.update(k for k, v in enumerate(flat.parameter_values) if v == 0.0)
         elif matching_names := fitting(name, entries):
-            found.update(k for e in matching_names for k in entries[e])
+            indices.update(k for e in matching_names for k in entries[e])
         else:
             raise _unknown(flat, name, list(entries))
-    return found
+    return indices
 
 
 def _owners(path: str) -> list[str]:

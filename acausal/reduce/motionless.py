@@ -139,35 +139,35 @@ class _Propagation:
         args = node[1:]
         if op in LEAVES or op == "sample" or not args:
             return None  # time, and operations that distinguish the first instant of a run from others
-        found = [self.equal.get(a) for a in args]
-        if op == "div" and found[0] == pool.zero and safety(self.points, args[1]) is not None:
+        equal_operands = [self.equal.get(a) for a in args]
+        if op == "div" and equal_operands[0] == pool.zero and safety(self.points, args[1]) is not None:
             return pool.zero
-        assumed = None if None in found else pool.make(op, *[f for f in found if f is not None])
+        assumed = None if None in equal_operands else pool.make(op, *[f for f in equal_operands if f is not None])
         if op in RELATIONS and (assumed is None or pool.value(assumed) is None):
             assumed = self.decide(number, assumed)
         if assumed is not None or op in RELATIONS:
             return assumed
         zero = pool.zero
-        if op == "mul" and zero in found:
+        if op == "mul" and zero in equal_operands:
             return zero
-        if op == "and" and zero in found:
+        if op == "and" and zero in equal_operands:
             return zero
-        if op == "or" and pool.one in found:
+        if op == "or" and pool.one in equal_operands:
             return pool.one
-        chosen = self.branch(op, args, found)
+        chosen = self.branch(op, args, equal_operands)
         if chosen is None:
             return None
         self.taken[number] = chosen
         return self.equal.get(chosen)
 
-    def branch(self, op: str, args: tuple[int, ...], found: list[int | None]) -> int | None:
+    def branch(self, op: str, args: tuple[int, ...], equal_operands: list[int | None]) -> int | None:
         """The operand that a branch or a kink always equals."""
         pool = self.pool
         if op == "where":
-            condition = pool.value(found[0]) if found[0] is not None else None
+            condition = pool.value(equal_operands[0]) if equal_operands[0] is not None else None
             if condition is not None:
                 return args[1] if condition else args[2]
-            return args[1] if found[1] is not None and found[1] == found[2] else None
+            return args[1] if equal_operands[1] is not None and equal_operands[1] == equal_operands[2] else None
         if op in ("min", "max"):
             a, b = (self.bounds[x] for x in args)
             if a[0] >= b[1]:
@@ -242,18 +242,18 @@ class _Propagation:
         """Compute all bounds anew; return the decisions by bounds that these no longer support."""
         for number in self.order:
             self.bounds[number] = self.bound(number)
-        found = []
+        unsupported = []
         for number in list(self.bounds):
             op, *args = self.pool.nodes[number]
             if op in RELATIONS and number in self.relations:
                 a, b = args
                 if decided(op, self.bounds[a], self.bounds[b]) != self.relations[number]:
-                    found.append(number)
+                    unsupported.append(number)
             elif op in _KINKS and number in self.taken:
                 chosen = self.branch(op, tuple(args), [self.equal.get(a) for a in args])
                 if chosen != self.taken[number]:
-                    found.append(number)
-        return found
+                    unsupported.append(number)
+        return unsupported
 
 
 def _resting(solution: Solution) -> dict[int, int]:
@@ -261,12 +261,12 @@ def _resting(solution: Solution) -> dict[int, int]:
     structure = solution.structure
     reduced = structure.reduced
     start = start_problem(solution)
-    found = dict(start.direct)
+    resting = dict(start.direct)
     for x in start.defaulted:
-        found[x] = start.guesses.get(x, reduced.pool.zero)
+        resting[x] = start.guesses.get(x, reduced.pool.zero)
     stabilised = reduced.pool.variables_in(*(node for _, node in structure.invariants))
     for scalar in (s for when in reduced.flat.whens for s, _ in when.actions):
         stabilised |= reduced.pool.variables_in(reduced.image[scalar])
     for assignment in reduced.flat.assignments:
         stabilised |= reduced.pool.variables_in(reduced.image[assignment.scalar])
-    return {x: node for x, node in found.items() if x not in stabilised}
+    return {x: node for x, node in resting.items() if x not in stabilised}

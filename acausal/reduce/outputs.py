@@ -21,22 +21,22 @@ def output_scalars(flat: FlatSystem, names: Sequence[str]) -> dict[str, int]:
         scalars = {v.path + s: v.first + k for k, s in enumerate(suffixes(v.declaration.shape))}
         entries[v.path] = scalars
         entries.update((name, {name: scalar}) for name, scalar in scalars.items())
-    found: dict[str, int] = {}
+    scalar_of: dict[str, int] = {}
     for name in (n.strip() for n in names):
         if name in entries:
-            found |= entries[name]
+            scalar_of |= entries[name]
         elif matching := fitting(name, entries):
             for entry in matching:
-                found |= entries[entry]
+                scalar_of |= entries[entry]
         elif name != "time":
             raise _unknown(flat, name, list(entries))
-    if not found:
+    if not scalar_of:
         raise UsageError(
             "AC018",
             f"no output of {flat.name} is requested",
             help="name the requested variables, for example outputs=['" + next(iter(entries), "mass.s") + "']",
         )
-    return found
+    return scalar_of
 
 
 def fitting(pattern: str, names: Iterable[str]) -> list[str]:
@@ -50,12 +50,12 @@ def fitting(pattern: str, names: Iterable[str]) -> list[str]:
 
 def _unknown(flat: FlatSystem, name: str, known: list[str]) -> UsageError:
     parameters = {*flat.parameter_names, *(p.path for p in flat.parameters)}
-    inside = [n for n in known if n.startswith(name + ".")]
+    names_inside = [n for n in known if n.startswith(name + ".")]
     advice = None
     if name in parameters:
         advice = "it is a parameter: it depends on nothing, and can be read without a run"
-    elif inside:
-        advice = f"it is a component: name its variables, {', '.join(inside[:3])}, or all of them: {name}.*"
+    elif names_inside:
+        advice = f"it is a component: name its variables, {', '.join(names_inside[:3])}, or all of them: {name}.*"
     return UsageError(
         "AC010",
         f"{flat.name} has no variable '{name}' that could be an output",

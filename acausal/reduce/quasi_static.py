@@ -61,24 +61,24 @@ def states_named(structure: Structure, names: Sequence[str]) -> set[int]:
     """
     reduced = structure.reduced
     states = set(structure.states)
-    known: dict[str, set[int]] = {}
+    states_of: dict[str, set[int]] = {}
     for x in structure.states:
         for name in (reduced.name(x), *(reduced.flat.scalar_name(s) for s in reduced.aliases.get(x, ()))):
-            known.setdefault(name, set()).add(x)
-    found: set[int] = set()
+            states_of.setdefault(name, set()).add(x)
+    named: set[int] = set()
     for name in names:
-        fitting = known.get(name) or {
+        fitting = states_of.get(name) or {
             x for x in states for state_name in [reduced.name(x)] if state_name.startswith((name + ".", name + "["))
         }
         if not fitting:
             raise UsageError(
                 "AC026",
                 f"'{name}' is no state of {reduced.flat.name}",
-                evidence=meant(name, list(known)),
+                evidence=meant(name, list(states_of)),
                 help="states: " + ", ".join(reduced.name(x) for x in structure.states[:12]),
             )
-        found |= fitting
-    return found
+        named |= fitting
+    return named
 
 
 def _check(structure: Structure, fast: set[int], names: Sequence[str]) -> None:
@@ -95,12 +95,12 @@ def _check(structure: Structure, fast: set[int], names: Sequence[str]) -> None:
 
 def _rates(pool: Pool, states: set[int]) -> frozenset[int]:
     """All derivatives of variables."""
-    found = set()
+    derivatives = set()
     for x in states:
         while x in pool.derivative_of:
             x = pool.derivative_of[x]
-            found.add(x)
-    return frozenset(found)
+            derivatives.add(x)
+    return frozenset(derivatives)
 
 
 def _without(reduced: ReducedSystem, zeros: dict[int, int], fast: set[int]) -> ReducedSystem:

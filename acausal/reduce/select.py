@@ -53,11 +53,11 @@ def select(
         full = solution
         solution = quasi_static(full, at_once, formulation)
         name = full.structure.reduced.name
-        gone = [name(x) for x in full.structure.states if x not in solution.structure.states]
-        left += [Left("quasi-static", x, "follows instantaneously, as requested") for x in gone]
-    solution, found = _folded(solution, formulation)
-    left += _constant(solution, found)
-    solution = fold(solution, found)
+        removed = [name(x) for x in full.structure.states if x not in solution.structure.states]
+        left += [Left("quasi-static", x, "follows instantaneously, as requested") for x in removed]
+    solution, fixed = _folded(solution, formulation)
+    left += _constant(solution, fixed)
+    solution = fold(solution, fixed)
     if scalars is None:
         return solution, Selection(None, (), tuple(dict.fromkeys(left)))
     whole, solution = solution, restrict(solution, tuple(scalars.values()))
@@ -69,31 +69,31 @@ def select(
 
 def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
     """The system solved with all constants that can be found; each new solution may reveal more of them."""
-    found = constants(solution)
+    fixed = constants(solution)
     for _ in range(_MOST_ROUNDS):
-        before = found
-        if not (found.relations or any(x in found.variables for x in solution.structure.states)):
+        before = fixed
+        if not (fixed.relations or any(x in fixed.variables for x in solution.structure.states)):
             break
         try:
-            again = resolved(solution, found, formulation)
+            again = resolved(solution, fixed, formulation)
         except StructureError:
             break  # a term that keeps the equations independent is zero in this motion; the general solution holds
-        solution, found = again, constants(again)
+        solution, fixed = again, constants(again)
         # Relations that were decided before occur in no equation any more.
-        found = replace(found, relations={**before.relations, **found.relations})
-        if found.variables.keys() == before.variables.keys() and found.relations == before.relations:
+        fixed = replace(fixed, relations={**before.relations, **fixed.relations})
+        if fixed.variables.keys() == before.variables.keys() and fixed.relations == before.relations:
             break
-    return solution, found
+    return solution, fixed
 
 
-def _constant(solution: Solution, found: Constants) -> list[Left]:
+def _constant(solution: Solution, fixed: Constants) -> list[Left]:
     reduced = solution.structure.reduced
     left = [
-        Left("motionless", reduced.name(x), f"stays at {reduced.text(found.variables[x])}")
+        Left("motionless", reduced.name(x), f"stays at {reduced.text(fixed.variables[x])}")
         for x in solution.structure.states
-        if x in found.variables
+        if x in fixed.variables
     ]
-    for number, holds in found.relations.items():
+    for number, holds in fixed.relations.items():
         left.append(Left("relation", reduced.text(number), "always holds" if holds else "never holds"))
     return left
 

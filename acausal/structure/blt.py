@@ -134,7 +134,7 @@ def _tarjan(successors: list[list[int]]) -> list[int]:
     order = [0] * n  # when a node was first seen, from 1
     low = [0] * n  # the earliest node on the stack that is reached from it
     stack: list[int] = []
-    seen = found = 0
+    seen = components = 0
     for root in range(n):
         if order[root]:
             continue
@@ -159,8 +159,8 @@ def _tarjan(successors: list[list[int]]) -> list[int]:
                     low[path[-1][0]] = min(low[path[-1][0]], low[node])
                 if low[node] == order[node]:
                     while label[node] < 0:
-                        label[stack.pop()] = found
-                    found += 1
+                        label[stack.pop()] = components
+                    components += 1
     return label
 
 

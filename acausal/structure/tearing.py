@@ -179,7 +179,7 @@ class _Remainder:
             return 0
         count: dict[int, int] = {}
         total: dict[int, int] = {}
-        known = {column}
+        known_columns = {column}
         used: set[int] = set()
         queue = [column]
         while queue:
@@ -189,9 +189,9 @@ class _Remainder:
                     continue
                 count[row] = count.get(row, self.row_count[row]) - 1
                 total[row] = total.get(row, self.row_sum[row]) - column
-                if count[row] == 1 and total[row] not in known and (row, total[row]) in self.solvable:
+                if count[row] == 1 and total[row] not in known_columns and (row, total[row]) in self.solvable:
                     used.add(row)
-                    known.add(total[row])
+                    known_columns.add(total[row])
                     queue.append(total[row])
         return len(used)
 

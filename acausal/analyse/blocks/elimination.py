@@ -164,9 +164,9 @@ class _Work:
         """Number of operations that the rates and residuals need."""
         done = self.result()
         nodes = dict(done.solved)
-        wanted = [nodes[v] for v in nodes if v in rates] or list(nodes.values())
-        needed = self.points.reduced.pool.variables_behind([*wanted, *done.left_residuals], nodes)
-        return operations(self.points, [*wanted, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
+        roots = [nodes[v] for v in nodes if v in rates] or list(nodes.values())
+        needed = self.points.reduced.pool.variables_behind([*roots, *done.left_residuals], nodes)
+        return operations(self.points, [*roots, *done.left_residuals, *(n for v, n in done.solved if v in needed)])
 
     def run(self, most: float = inf) -> bool:
         """Eliminate with 1x1 pivots as long as there are any, else 2x2 or 3x3; False after too many products."""
@@ -188,8 +188,8 @@ class _Work:
         """
         if len(self.rows[i]) == 1:
             (v, c), *_ = self.rows[i].items()
-            found = self.points.significant(c)
-            if len(self.columns[v]) == 1 and (np.isfinite(found) & (found != 0.0)).all():
+            samples = self.points.significant(c)
+            if len(self.columns[v]) == 1 and (np.isfinite(samples) & (samples != 0.0)).all():
                 self._pivot((i,), (v,))
 
     def _single_pivots(self, most: float) -> bool:

@@ -84,10 +84,10 @@ class LinearForm:
 
     def _chain(self, number: int) -> dict[int, int] | None:
         """Terms of a long sum with their factors; None for a short one."""
-        found = self._chains.get(number)
-        if found is None and is_long(self.pool, number):
-            found = self._chains[number] = dict(terms(self.pool, number))
-        return found
+        chain = self._chains.get(number)
+        if chain is None and is_long(self.pool, number):
+            chain = self._chains[number] = dict(terms(self.pool, number))
+        return chain
 
     def _add_up(self, number: int, chain: dict[int, int]) -> Linear | None:
         pool, done = self.pool, self._done
@@ -112,32 +112,32 @@ class LinearForm:
         return number, {}
 
     def _combine(self, number: int, op: str, parts: list[Linear | None]) -> Linear | None:
-        known = [p for p in parts if p is not None]
-        if len(known) == len(parts) and not any(p[1] for p in known):
+        forms = [p for p in parts if p is not None]
+        if len(forms) == len(parts) and not any(p[1] for p in forms):
             return number, {}
         if op == "where":
             return self._where(number, parts)
-        if len(known) != len(parts):
+        if len(forms) != len(parts):
             return None
         pool = self.pool
         if op == "neg":
-            return pool.neg(known[0][0]), {v: pool.neg(c) for v, c in known[0][1].items()}
+            return pool.neg(forms[0][0]), {v: pool.neg(c) for v, c in forms[0][1].items()}
         if op in ("add", "sub"):
-            return self._sum(known[0], known[1], op)
+            return self._sum(forms[0], forms[1], op)
         if op == "mul":
-            for this, other in ((known[0], known[1]), (known[1], known[0])):
+            for this, other in ((forms[0], forms[1]), (forms[1], forms[0])):
                 if not other[1]:
                     factor = other[0]
                     return pool.mul(this[0], factor), {v: pool.mul(c, factor) for v, c in this[1].items()}
             return None
         if op == "homotopy":
-            (a, of_a), (s, of_s) = known
+            (a, of_a), (s, of_s) = forms
             variables = {*of_a, *of_s}
             mixed = {v: pool.make(op, of_a.get(v, pool.zero), of_s.get(v, pool.zero)) for v in variables}
             return pool.make(op, a, s), mixed
-        if op == "div" and not known[1][1]:
-            d = known[1][0]
-            return pool.div(known[0][0], d), {v: pool.div(c, d) for v, c in known[0][1].items()}
+        if op == "div" and not forms[1][1]:
+            d = forms[1][0]
+            return pool.div(forms[0][0], d), {v: pool.div(c, d) for v, c in forms[0][1].items()}
         return None
 
     def _sum(self, a: Linear, b: Linear, op: str) -> Linear:

@@ -111,7 +111,7 @@ def _steps(points: SamplePoints, residual_and_slope: tuple[int, int], variable: 
     }
 
     def values_at(z: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        found = values(
+        value_of = values(
             pool,
             residual_and_slope,
             {
@@ -120,7 +120,7 @@ def _steps(points: SamplePoints, residual_and_slope: tuple[int, int], variable: 
                 "time": lambda _: np.zeros(_POINTS),
             },
         )
-        return [np.broadcast_to(np.asarray(found[n], dtype=float), (_POINTS,)) for n in residual_and_slope]
+        return [np.broadcast_to(np.asarray(value_of[n], dtype=float), (_POINTS,)) for n in residual_and_slope]
 
     distance = nominal(points.reduced, variable) * scattered()
     solution = low + distance

@@ -235,10 +235,10 @@ class _Work:
         """Solve a nonlinear block inside the equations if one of its unknowns is declared monotone."""
         for variable in unknowns:
             low = self._monotone_above(variable)
-            found = None if low is None else causal(self.pool, residuals, unknowns, variable)
-            if low is None or found is None:
+            causal_form = None if low is None else causal(self.pool, residuals, unknowns, variable)
+            if low is None or causal_form is None:
                 continue
-            definitions, rest = found
+            definitions, rest = causal_form
             node = newton(self.points, rest, definitions, variable, low)
             if node is not None:
                 self.define(variable, node)

@@ -56,13 +56,13 @@ Sides = dict[tuple[int, int], tuple[int, bool]]
 
 def sides(pool: Pool, relations: Iterable[int]) -> Sides:
     """Maps pairs of nodes (a, b) to (relation that decides a > b, whether a > b where that relation is true)."""
-    found: Sides = {}
+    deciding: Sides = {}
     for number in relations:
         op, *operands = pool.nodes[number]
         # a < b means b > a, and a <= b the negation of a > b
         key = _compared(pool, *(operands if op in ("gt", "le") else reversed(operands)))
-        found.setdefault(key, (number, op in ("gt", "lt")))
-    return found
+        deciding.setdefault(key, (number, op in ("gt", "lt")))
+    return deciding
 
 
 def deciding_relation(pool: Pool, number: int, side_of: Sides) -> tuple[int, bool] | None:
@@ -95,13 +95,13 @@ def _domain_conditions(pool: Pool, roots: Sequence[int], definitions: Mapping[in
             partial.add(number)
             if op == "where":
                 stack.append(operands[0])
-    found: set[int] = set()
+    dependences: set[int] = set()
     while stack:
-        below = pool.reachable([stack.pop()], found)
-        found.update(below)
+        below = pool.reachable([stack.pop()], dependences)
+        dependences.update(below)
         variables = (pool.nodes[n][1] for n in below if pool.nodes[n][0] == "var")
-        stack += [definitions[v] for v in variables if v in definitions and definitions[v] not in found]
-    return found
+        stack += [definitions[v] for v in variables if v in definitions and definitions[v] not in dependences]
+    return dependences
 
 
 def _is_total(pool: Pool, op: str, last: int) -> bool:

@@ -31,10 +31,10 @@ def jumping_tables(pool: Pool, numbers: Iterable[int], definitions: Mapping[int,
     nodes.
     """
     read = {n: pool.nodes[n] for n in numbers if isinstance(pool.nodes[n][0], Call)}
-    found = {n: (op.external, operands[0]) for n, (op, *operands) in read.items() if isinstance(op.external, Lookup)}
+    reads = {n: (op.external, operands[0]) for n, (op, *operands) in read.items() if isinstance(op.external, Lookup)}
     return {
         n: table
-        for n, (table, argument) in found.items()
+        for n, (table, argument) in reads.items()
         if table.has_jumps and _moves(pool, argument) and not is_of_time(pool, argument, definitions)
     }
 

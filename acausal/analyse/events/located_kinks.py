@@ -68,14 +68,14 @@ def located_kinks(
 
     `system` maps a relation to the number of its system; the limits `MOST` and `MOST_PLAIN` hold for each system.
     """
-    known = set(located)
+    located_nodes = set(located)
     graph = _Graph(solution, discrete)
     reduced, pool, points = solution.structure.reduced, graph.pool, graph.points
-    known_directions = {_direction_key(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in known}
+    known_directions = {_direction_key(points.everywhere(pool.sub(*pool.nodes[n][1:]))) for n in located_nodes}
     relations: list[int] = []
     choices, rates = set[int](), set[int]()
     images = dict[int, int]()
-    for number, *sides in _kinks(graph, known):
+    for number, *sides in _kinks(graph, located_nodes):
         a, b = _images(reduced, sides, images)
         if not (graph.moves(a) or graph.moves(b)) or _depends_on_reduced(reduced, a, b):
             continue
@@ -148,10 +148,10 @@ def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
             yield number, operands[0], graph.pool.zero
         elif op == "where":
             for relation in graph.pool.reachable([operands[0]]):
-                kind, *both = nodes[relation]
+                kind, *compared = nodes[relation]
                 if kind in RELATIONS and relation not in located and moving[relation]:
                     # Order the sides as those of a > b; a < b is exactly b > a.
-                    yield number, *(both if kind in ("gt", "le") else reversed(both))
+                    yield number, *(compared if kind in ("gt", "le") else reversed(compared))
 
 
 class _Graph:
@@ -163,8 +163,8 @@ class _Graph:
         self.points: SamplePoints = structure.points
         self.discrete = discrete
         self.rates = {structure.derivative(x) for x in structure.states}
-        wanted = {*solution.needed, *solution.algebraic, *self.rates}
-        blocks = [b for b in structure.blocks if not wanted.isdisjoint(b.columns)]
+        rate_variables = {*solution.needed, *solution.algebraic, *self.rates}
+        blocks = [b for b in structure.blocks if not rate_variables.isdisjoint(b.columns)]
         self.unknowns = {structure.residuals[e]: b.columns for b in blocks for e in b.rows}
         self.reachable = self.pool.reachable(self.unknowns)
         self.above: dict[int, list[int]] = {}

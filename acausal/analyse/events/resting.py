@@ -40,14 +40,14 @@ def split_at_kinks(kinks: Kinks, points: SamplePoints, visible: Iterable[int], d
 
     `done` has images of other nodes and receives these.
     """
-    found: dict[int, int] = {}
+    images: dict[int, int] = {}
     pool, split = kinks.pool, _Split(kinks, points)
     for number in visible:
         if pool.nodes[number][0] in RELATIONS and number not in done:
             image = split.image(number)
             if image != number:
-                found[number] = done[number] = image
-    return found
+                images[number] = done[number] = image
+    return images
 
 
 class Kinks:
@@ -61,14 +61,14 @@ class Kinks:
 
     def resting_relations(self, points: SamplePoints, relations: Iterable[int]) -> frozenset[int]:
         """The relations whose sides may stay equal for a while, as they are equal at several sample points."""
-        found = set[int]()
+        resting = set[int]()
         for relation in relations:
             level = self.below(relation)
             distance = self.pool.sub(*self.pool.nodes[relation][1:])
             rests = level > 0 and np.count_nonzero(points.everywhere(distance) == 0.0) > 1
             if rests or (level == 2 and self._stays_at_its_zero(points, distance)):
-                found.add(relation)
-        return frozenset(found)
+                resting.add(relation)
+        return frozenset(resting)
 
     def _stays_at_its_zero(self, points: SamplePoints, distance: int) -> bool:
         """Whether a difference reaches zero and stays there, on straight lines between sample points.
@@ -189,8 +189,10 @@ class _Split:
             return self._by_factors(opposite, (node[1], right), depth)
         if node[0] in ("mul", "div"):
             signs = ("gt", op), ("lt", opposite)
-            both = [[self._by_factors(s, (n, right), depth) for s, n in zip(k, node[1:], strict=True)] for k in signs]
-            return pool.make("or", pool.make("and", *both[0]), pool.make("and", *both[1]))
+            sign_cases = [
+                [self._by_factors(s, (n, right), depth) for s, n in zip(k, node[1:], strict=True)] for k in signs
+            ]
+            return pool.make("or", pool.make("and", *sign_cases[0]), pool.make("and", *sign_cases[1]))
         power = 0.5 if node[0] == "sqrt" else pool.value(node[2]) if node[0] == "pow" else None
         if power is not None and power > 0.0 and power % 1.0:
             return self._by_factors("gt", (node[1], right), depth) if op == "gt" else pool.zero
@@ -199,13 +201,13 @@ class _Split:
     def _below(self, sides: Iterable[int]) -> dict[int, bool]:
         """Maps all nodes below the sides, definitions but not conditions included, to whether below `no_event`."""
         nodes = self.pool.nodes
-        found: dict[int, bool] = {}
+        exempt_of: dict[int, bool] = {}
         stack = [(n, False) for n in sides]
         while stack:
             number, is_exempt = stack.pop()
-            if found.get(number, False) or found.get(number) == is_exempt:
+            if exempt_of.get(number, False) or exempt_of.get(number) == is_exempt:
                 continue
-            found[number] = is_exempt
+            exempt_of[number] = is_exempt
             op, *rest = nodes[number]
             is_exempt |= op == "noevent"
             if op == "var":
@@ -214,7 +216,7 @@ class _Split:
                 stack += [(n, is_exempt) for n in rest[1:]]
             elif op not in LEAVES and op not in _NOT_SEARCHED:
                 stack += [(n, is_exempt) for n in rest]
-        return found
+        return exempt_of
 
     def _branches(self, kink: int, is_exempt: bool) -> tuple[int, int, int]:
         """(Relation of a kink, value of the kink where that holds, value elsewhere); the relation is 0 if none."""

@@ -207,8 +207,8 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
     """
     reduced = solution.structure.reduced
     pool = reduced.pool
-    known = {*solution.structure.states, *reduced.inputs}
-    if not pool.derivative_of.keys() - known:
+    given_variables = {*solution.structure.states, *reduced.inputs}
+    if not pool.derivative_of.keys() - given_variables:
         return []
     discrete = discrete_variables(reduced)
     if not discrete and not any(node[0] in _JUMPS for node in pool.nodes):
@@ -224,14 +224,17 @@ def switched_dependents(solution: Solution, prescribed: bool = False) -> list[in
                 w = rest[0]
                 flags_of[n] = switched.get(w, w in discrete), varying.get(w, w not in discrete)
             else:
-                inside = [flags_of[k] for k in rest] if op not in LEAVES else []
-                flags_of[n] = op in _JUMPS or any(a for a, _ in inside), op in _STEPS or any(b for _, b in inside)
+                operand_flags = [flags_of[k] for k in rest] if op not in LEAVES else []
+                flags_of[n] = (
+                    op in _JUMPS or any(a for a, _ in operand_flags),
+                    op in _STEPS or any(b for _, b in operand_flags),
+                )
         switched[v], varying[v] = flags_of[node]
-    found = [v for v in switched if v in pool.derivative_of and switched[v] and varying[v] != prescribed]
+    dependents = [v for v in switched if v in pool.derivative_of and switched[v] and varying[v] != prescribed]
     if prescribed:  # a mere output, such as the acceleration of a joint that moves nothing, needs no impulse
         used = {w for _, node in solution.definitions for w in pool.variables_in(node)}
-        found = [v for v in found if pool.derivative_of[v] in used]
-    return found
+        dependents = [v for v in dependents if pool.derivative_of[v] in used]
+    return dependents
 
 
 def _assigned(reduced: ReducedSystem) -> dict[int, int]:
@@ -259,14 +262,14 @@ def _jumps(
     definitions: Mapping[int, int],
 ) -> dict[int, int]:
     """Maps `sign` of varying expressions, and those of `steps` that are `floor`, `ceil` or tables, to branches."""
-    found: dict[int, int] = {}
+    image_of: dict[int, int] = {}
     done = dict(rewritten)
 
     def stairs(number: int, op: str, u: int) -> int:
-        found[number] = done[number] = _stairs(pool, number, op, u)
+        image_of[number] = done[number] = _stairs(pool, number, op, u)
         memory = pool.make("pre", number)
-        found[memory] = done[memory] = memory  # the memory stores the value of the branch under this node
-        return found[number]
+        image_of[memory] = done[memory] = memory  # the memory stores the value of the branch under this node
+        return image_of[number]
 
     tables = jumping_tables(pool, steps, definitions)
     for number in visible:
@@ -277,7 +280,7 @@ def _jumps(
             below = pool.nodes[segment][1]
             pool.rewrite([below, *operands], pool.var, done)
             k = stairs(segment, "floor", done[below])
-            found[number] = done[number] = on_segment(pool, table, done[operands[0]], k)
+            image_of[number] = done[number] = on_segment(pool, table, done[operands[0]], k)
         if number in rewritten or op not in ("sign", "floor", "ceil") or not moves(operands[0]):
             continue
         pool.rewrite(operands, pool.var, done)
@@ -287,10 +290,10 @@ def _jumps(
             pool.rewrite(sides, pool.var, done)
             above, below = (done[side] for side in sides)
             over, under = pool.where(above, pool.one, pool.zero), pool.where(below, pool.zero, pool.neg(pool.one))
-            found[number] = done[number] = pool.add(over, under)
+            image_of[number] = done[number] = pool.add(over, under)
         elif number in steps:
             stairs(number, op, u)
-    return found
+    return image_of
 
 
 def _of_signs(pool: Pool, visible: Iterable[int], done: dict[int, int], moves: Moving) -> list[int]:
@@ -338,7 +341,7 @@ def _conditions(pool: Pool, roots: Iterable[int], time_relations: set[int], move
 
     Relations below a `no_event` are no modes, but `pre` and the other kinds are.
     """
-    found: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
+    nodes_of_kind: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
     seen: set[tuple[int, bool]] = set()
     stack = [(n, False) for n in roots]
     while stack:
@@ -349,14 +352,14 @@ def _conditions(pool: Pool, roots: Iterable[int], time_relations: set[int], move
         node = pool.nodes[number]
         op = node[0]
         if op in ("sample", "pre"):
-            found[op].add(number)
+            nodes_of_kind[op].add(number)
         if op in ("initial", "infinitesimal", "terminal"):
-            found["flag"].add(number)
+            nodes_of_kind["flag"].add(number)
         elif op not in LEAVES and op != "sample":
             if op in RELATIONS and not is_exempt and moves(number):
-                found["relation"].add(number)
+                nodes_of_kind["relation"].add(number)
             stack += [(n, is_exempt or op == "noevent") for n in node[1:]]
-    return found
+    return nodes_of_kind
 
 
 def _position(reduced: ReducedSystem, scalar: int, index_of: dict[int, int]) -> tuple[int, bool] | None:
@@ -428,7 +431,7 @@ def origins(
     statements += [(n, d.where, d.component) for d in delays.items for n in (delays.sources[d.source], d.time)]
     equations = [(node, solution.structure.flat_equation(rows[v][0])) for v, node in solution.definitions if v in rows]
     equations += [(node, solution.structure.flat_equation(e)) for e, node in enumerate(solution.structure.residuals)]
-    found: dict[int, tuple[Span | None, str]] = {}
+    statement_of: dict[int, tuple[Span | None, str]] = {}
     missing = set(events.relations)
     # A relation belongs to the first statement that contains it, so that every node is visited only once.
     done, seen = dict(rewritten), set[int]()
@@ -441,13 +444,13 @@ def origins(
 
     for node, where, component in statements:
         for r in relations_in(node):
-            found[r] = (where, component)
-    missing -= found.keys()
+            statement_of[r] = (where, component)
+    missing -= statement_of.keys()
     for node, k in equations:
         if not missing:
             break
         for r in relations_in(node):
             equation = flat.equations[k]
-            found[r] = (equation.origin.span() if equation.origin else None, equation.component)
-        missing -= found.keys()
-    return [found.get(r, (None, "")) for r in events.relations]
+            statement_of[r] = (equation.origin.span() if equation.origin else None, equation.component)
+        missing -= statement_of.keys()
+    return [statement_of.get(r, (None, "")) for r in events.relations]

@@ -145,7 +145,7 @@ def _rate(points: SamplePoints, base: int) -> float:
 
 def _even_variables(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
     """Nodes of which an expression contains an even function, found through its sums, products, powers and roots."""
-    found, stack, seen = [], [number], set[int]()
+    even_nodes, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
         op, *operands = pool.nodes[here]
@@ -153,10 +153,10 @@ def _even_variables(pool: Pool, number: int, moves: Callable[[int], bool]) -> li
             continue
         seen.add(here)
         if _is_even(pool, op, operands):
-            found.append(operands[0])
+            even_nodes.append(operands[0])
         elif op in _THROUGH:
             stack += operands
-    return found
+    return even_nodes
 
 
 def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
@@ -170,7 +170,7 @@ def _is_even(pool: Pool, op: str, operands: list[int]) -> bool:
 
 def _operands_of_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) -> list[int]:
     """An argument, or the operands if it is a `minimum` or `maximum`, which may be constant over a long time."""
-    found, stack, seen = [], [number], set[int]()
+    arguments, stack, seen = [], [number], set[int]()
     while stack:
         here = stack.pop()
         op, *operands = pool.nodes[here]
@@ -180,8 +180,8 @@ def _operands_of_kinks(pool: Pool, number: int, moves: Callable[[int], bool]) ->
         if op in _KINKS:
             stack += [n for n in operands if moves(n)]
         else:
-            found.append(here)
-    return found
+            arguments.append(here)
+    return arguments
 
 
 def _is_narrow_valley(points: SamplePoints, number: int) -> bool:

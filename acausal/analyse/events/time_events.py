@@ -125,7 +125,7 @@ def stretch_numbers(
 
     `relative` is the relative tolerance of the run.
     """
-    found: dict[int, int] = {}
+    unlocated_ends: dict[int, int] = {}
     seen: set[int] = set()
     stack = list(roots)
     while stack:
@@ -142,16 +142,16 @@ def stretch_numbers(
         ends = stops(table, relative).tolist() if len(table.coefficients[0]) > 1 else []
         if ends:
             segment = segment_number(pool, operands[0], [table.breaks[0], *ends, table.breaks[-1]])
-            found[segment] = len(table_ends(table, relative)) - len(ends)
-    return tuple(found), sum(found.values())
+            unlocated_ends[segment] = len(table_ends(table, relative)) - len(ends)
+    return tuple(unlocated_ends), sum(unlocated_ends.values())
 
 
 def segment_number(pool: Pool, argument: int, ends: list[float]) -> int:
     """The node of the number of the segment between `ends` that contains `argument`; the outer ones are unbounded."""
     line = lookup(*_line(ends), "stretch")
     position = pool.make(Call(line, 0), argument)
-    inside = pool.make("min", pool.make("max", position, pool.const(0.5)), pool.const(len(ends) - 1.5))
-    return pool.make("floor", inside)
+    clamped = pool.make("min", pool.make("max", position, pool.const(0.5)), pool.const(len(ends) - 1.5))
+    return pool.make("floor", clamped)
 
 
 def _line(ends: list[float]) -> tuple[list[float], list[tuple[float, float]]]:
@@ -185,7 +185,7 @@ class TimeTable:
 
 def time_tables(pool: Pool, roots: Iterable[int], definitions: Mapping[int, int]) -> tuple[TimeTable, ...]:
     """All tables of time below `roots`, without repetitions; `definitions` maps variables to nodes."""
-    found: dict[TimeTable, None] = {}
+    tables: dict[TimeTable, None] = {}
     for number in pool.reachable(roots):
         op, *operands = pool.nodes[number]
         if not isinstance(op, Call) or not isinstance(op.external, Lookup):
@@ -193,8 +193,8 @@ def time_tables(pool: Pool, roots: Iterable[int], definitions: Mapping[int, int]
         argument = _of_time(pool, operands[0], definitions)
         affine = None if argument is None else affine_in_time(pool, argument)
         if affine is not None:
-            found[TimeTable(op.external, *affine)] = None
-    return tuple(found)
+            tables[TimeTable(op.external, *affine)] = None
+    return tuple(tables)
 
 
 def is_of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> bool:
@@ -207,8 +207,8 @@ def is_of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> bool:
 
 def _of_time(pool: Pool, number: int, definitions: Mapping[int, int]) -> int | None:
     """A node with its variables replaced by their definitions; None if one of them has none."""
-    while inside := pool.variables_in(number):
-        if not definitions.keys() >= inside:
+    while variables := pool.variables_in(number):
+        if not definitions.keys() >= variables:
             return None
         done: dict[int, int] = {}
         pool.rewrite([number], definitions.__getitem__, done)

@@ -18,7 +18,7 @@ def without_underflow(pool: Pool, roots: Iterable[int], done: dict[int, int]) ->
     A factorisation squares entries and divides by the squares. Where these underflow (1e-155 squared), a run would stop
     with AC400, far from any burst.
     """
-    found: dict[int, int] = {}
+    images: dict[int, int] = {}
     for number in pool.reachable(roots):
         op, *operands = pool.nodes[number]
         if number in done or op not in ("exp", "pow"):
@@ -33,5 +33,5 @@ def without_underflow(pool: Pool, roots: Iterable[int], done: dict[int, int]) ->
             bounded = pool.make("pow", pool.make("max", pool.make("fabs", done[operands[0]]), least), operands[1])
         else:
             continue
-        found[number] = done[number] = bounded
-    return found
+        images[number] = done[number] = bounded
+    return images

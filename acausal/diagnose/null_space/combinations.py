@@ -39,13 +39,13 @@ def special_defaults(numbers: Pencil) -> StructureError | None:
 
 def _at_default(flat: FlatSystem) -> set[int]:
     """Free parameters that have their declared default."""
-    found = set()
+    at_default = set()
     for p in flat.parameters:
         default = p.declaration.default
         if p.free and isinstance(default, int | float):
             entries = [flat.pool.nodes[node][1] for node in p.nodes]
-            found |= {k for k in entries if flat.parameter_values[k] == default}
-    return found
+            at_default |= {k for k in entries if flat.parameter_values[k] == default}
+    return at_default
 
 
 def _special_values(numbers: Pencil, excluded: set[int]) -> StructureError | None:
@@ -72,14 +72,14 @@ def _decisive_parameters(flat: FlatSystem, rows: Sequence[int]) -> list[int]:
     parameters = [flat.pool.nodes[n][1] for n in nodes if flat.pool.nodes[n][0] == "par"]
     if not 0 < len(parameters) <= _MOST_PARAMETERS:
         return []
-    found = []
+    decisive = []
     for k in parameters:
         matrix = pencil_rows(flat, rows, _changed(flat, k)).toarray()
         matrix = matrix[:, np.any(matrix != 0.0, axis=0)]
         size = np.linalg.svd(matrix, compute_uv=False)
         if len(size) == len(rows) and size[-1] > 1e-9 * size[0]:
-            found.append(k)
-    return found
+            decisive.append(k)
+    return decisive
 
 
 def _cures(numbers: Pencil, parameter: int) -> bool:

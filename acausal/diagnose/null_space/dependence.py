@@ -29,7 +29,7 @@ def dependent(
     rows: Sequence[int],
     unknowns: Sequence[int],
     demand: float = 0.0,
-    held: Sequence[int] = (),
+    constrained: Sequence[int] = (),
     special: Callable[[], Sequence[int]] = tuple,
 ) -> StructureError:
     """The error for equations in which the unknowns cancel: the probable cause, or else AC204.
@@ -42,21 +42,21 @@ def dependent(
         Reduced variables that remain undetermined.
     demand
         Remainder when the unknowns have cancelled, which is not zero if the equations contradict each other.
-    held
+    constrained
         Reduced variables in the remainder: the combination is a constraint on them.
     special
         Finds free parameters that only need another value; called if no other cause is found.
     """
     flat = reduced.flat
-    found = probable(flat)
-    if found is not None:
-        return found
+    error = probable(flat)
+    if error is not None:
+        return error
     equations = [flat.equations[k] for k in dict.fromkeys(rows)]
     decisive = special()
     if decisive:
         return _special(reduced, equations, unknowns, decisive)
-    if held:
-        return _hidden_constraint(reduced, equations, held)
+    if constrained:
+        return _hidden_constraint(reduced, equations, constrained)
     names = names_of(flat, (reduced.scalar[v] for v in unknowns if v < len(reduced.scalar)))
     contradict = bool(np.isfinite(demand)) and abs(demand) > 1e-9
     return StructureError(
@@ -91,10 +91,10 @@ def _special(
 
 
 def _hidden_constraint(
-    reduced: ReducedSystem, equations: Sequence[FlatEquation], held: Sequence[int]
+    reduced: ReducedSystem, equations: Sequence[FlatEquation], constrained: Sequence[int]
 ) -> StructureError:
     flat = reduced.flat
-    names = [reduced.name(v) for v in held]
+    names = [reduced.name(v) for v in constrained]
     owners = list(dict.fromkeys(e.component for e in equations))
     return StructureError(
         "AC204",
@@ -136,15 +136,15 @@ def special_values(
         return []
     parameters = [pool.nodes[n][1] for n in pool.reachable(residuals) if pool.nodes[n][0] == "par"]
     parameters = [k for k in parameters if k < len(reduced.flat.parameter_values)]
-    found = []
+    decisive = []
     for k in parameters if len(parameters) <= _MOST_PARAMETERS else ():
         value = points.parameters[k]
         changed = [*points.parameters]
         changed[k] = 0.61 if value == 0.0 else value * 1.37
         leaves = {**points.leaves, "par": changed.__getitem__}
         if _null(_jacobian(reduced, points, residuals, unknowns, leaves)) is None:
-            found.append(k)
-    return found
+            decisive.append(k)
+    return decisive
 
 
 def _jacobian(
@@ -161,7 +161,7 @@ def _jacobian(
 
 def _null(jacobian: Matrices) -> tuple[Matrices, Matrices] | None:
     """Left and right null vector at the first generic point if the matrices are singular at all points, else None."""
-    found: tuple[Matrices, Matrices] | None = None
+    null_vectors: tuple[Matrices, Matrices] | None = None
     for matrix in jacobian[1:]:
         if not np.isfinite(matrix).all():
             continue
@@ -171,8 +171,8 @@ def _null(jacobian: Matrices) -> tuple[Matrices, Matrices] | None:
         u, s, vt = np.linalg.svd(matrix)
         if s[-1] > 1e-11 * s[0]:
             return None
-        found = found or (u[:, -1], vt[-1])
-    return found
+        null_vectors = null_vectors or (u[:, -1], vt[-1])
+    return null_vectors
 
 
 def _sparse_null(
@@ -185,7 +185,7 @@ def _sparse_null(
     rows = np.array([i for i, row in enumerate(slopes) for _ in row])
     columns = np.array([column_of[v] for row in slopes for v in row])
     entries = np.array([np.broadcast_to(slope, (COUNT,)) for row in slopes for slope in row.values()])
-    found: tuple[Matrices, Matrices] | None = None
+    null_vectors: tuple[Matrices, Matrices] | None = None
     for k in range(1, 4):
         if not np.isfinite(entries[:, k]).all():
             continue
@@ -195,5 +195,5 @@ def _sparse_null(
         dense = np.zeros((2, n))
         for side, vector in zip(dense, (left[0], right[0]), strict=True):
             side[list(vector)] = list(vector.values())
-        found = found or (dense[0], dense[1])
-    return found
+        null_vectors = null_vectors or (dense[0], dense[1])
+    return null_vectors

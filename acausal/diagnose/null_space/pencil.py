@@ -98,10 +98,10 @@ def pencil_rows(flat: FlatSystem, equations: Sequence[int], parameters: Sequence
 
 def _at_zero(flat: FlatSystem, roots: list[int], leaves: Mapping[str, Any]) -> NDArray[np.float64]:
     inputs = set(flat.inputs)
-    known = {**leaves, "var": lambda k: 1.0 if k in inputs else 0.0}
+    leaves_at_zero = {**leaves, "var": lambda k: 1.0 if k in inputs else 0.0}
     with np.errstate(all="ignore"):
-        found = values(flat.pool, roots, known)
-    at_zero = np.array([float(found[r]) for r in roots], dtype=np.float64)
+        value_of = values(flat.pool, roots, leaves_at_zero)
+    at_zero = np.array([float(value_of[r]) for r in roots], dtype=np.float64)
     return np.where(np.isfinite(at_zero), at_zero, 0.0)
 
 
@@ -175,14 +175,14 @@ def _sparse_null_space(scaled: Any) -> tuple[NDArray[np.float64], NDArray[np.flo
     block = np.random.default_rng(7).standard_normal((m + n, 6))
     for _ in range(4):
         block, _ = np.linalg.qr(factor.solve(block))
-    found = []
+    null_spaces = []
     for part, matrix in ((block[:m], scaled.T), (block[m:], scaled)):
         u, s, _ = np.linalg.svd(part, full_matrices=False)
         basis = u[:, s > 1e-6]
         # Rayleigh-Ritz: select the directions that the matrix maps to zero.
         _, size, rotation = np.linalg.svd(matrix @ basis, full_matrices=False)
-        found.append((basis @ rotation.T)[:, size < 1e-7].T)
-    return found[0], found[1]
+        null_spaces.append((basis @ rotation.T)[:, size < 1e-7].T)
+    return null_spaces[0], null_spaces[1]
 
 
 def _sparsest(basis: NDArray[np.float64]) -> list[Vector]:

@@ -36,16 +36,18 @@ def without_reference(numbers: Pencil) -> StructureError | None:
     return None
 
 
-def _island(flat: FlatSystem, moved: Sequence[int], twice: Sequence[Vector]) -> StructureError:
+def _island(flat: FlatSystem, moved: Sequence[int], dependent_rows: Sequence[Vector]) -> StructureError:
     names = [n for n in names_of(flat, moved) if connector_of(flat, n) is not None]
     declaration = flat.declaration(moved[0])
     quantity = names[0].rpartition(".")[2]
     connectors = [n.rpartition(".")[0] for n in names]
     components = list(dict.fromkeys(component_of(flat, n) for n in names))
     shown = connectors if len(", ".join(connectors)) <= 50 else [label(flat, c) for c in components]
-    wanted = set(moved)
-    island_equations = [e for e in flat.equations if not isinstance(e.source, str) and wanted & unknowns_in(flat, e)]
-    junctions = [flat.equations[i] for y in twice[:1] for i in y if isinstance(flat.equations[i].source, str)]
+    moved_scalars = set(moved)
+    island_equations = [
+        e for e in flat.equations if not isinstance(e.source, str) and moved_scalars & unknowns_in(flat, e)
+    ]
+    junctions = [flat.equations[i] for y in dependent_rows[:1] for i in y if isinstance(flat.equations[i].source, str)]
     evidence = ["they occur only as differences:", *lines(flat, island_equations, 4)] if island_equations else []
     if junctions:
         evidence += ["while one of these follows from the others:", *lines(flat, junctions, 4)]
@@ -214,12 +216,12 @@ def verdict(numbers: Pencil, y: Vector) -> str:
 
 def unknowns_in(flat: FlatSystem, equation: FlatEquation) -> set[int]:
     """Flat scalars of an equation; a derivative counts as its variable."""
-    found = set()
+    scalars = set()
     for v in flat.pool.variables_in(equation.left, equation.right):
         while v in flat.pool.integral_of:
             v = flat.pool.integral_of[v]
-        found.add(v)
-    return found
+        scalars.add(v)
+    return scalars
 
 
 def of_connectors(flat: FlatSystem, scalars: Iterable[int], kind: Kind) -> list[int]:
@@ -251,10 +253,10 @@ def _owners(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> 
 
 def _shared(flat: FlatSystem, equations: Iterable[FlatEquation], kind: Kind) -> list[str]:
     """Connector variables of this kind in the equations, named as in the component of the first that contains them."""
-    found: dict[int, str] = {}
+    name_of: dict[int, str] = {}
     for e in equations:
         for k in of_connectors(flat, sorted(unknowns_in(flat, e)), kind):
             names = names_of(flat, [k])
-            own = [n for n in names if component_of(flat, n) == e.component]
-            found.setdefault(k, (own or names)[0])
-    return list(dict.fromkeys(found.values()))
+            own_names = [n for n in names if component_of(flat, n) == e.component]
+            name_of.setdefault(k, (own_names or names)[0])
+    return list(dict.fromkeys(name_of.values()))

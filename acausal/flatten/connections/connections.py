@@ -167,10 +167,10 @@ def check_signals(all_instances: Sequence[Instance], signals: Sequence[SignalJoi
     by_root: dict[int, tuple[str, Origin]] = {}
     for joint, pair in zip(signals, faces, strict=True):
         for face in pair:
-            number, signal, own = face
+            number, signal, is_inner = face
             instance = all_instances[number]
             kind = instance.component._declarations[signal].kind
-            is_source = (kind is Kind.OUTPUT and not own) or (kind is Kind.INPUT and own)
+            is_source = (kind is Kind.OUTPUT and not is_inner) or (kind is Kind.INPUT and is_inner)
             name = instance.prefix + signal
             if not is_source:
                 continue

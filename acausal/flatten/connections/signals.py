@@ -37,7 +37,7 @@ class ElementJoint:
 
 
 def element_joints(
-    found: Sequence[Instance],
+    all_instances: Sequence[Instance],
     connections: Iterable[tuple[int, Connection, Origin]],
     signals: Sequence[SignalJoint],
     number_of: dict[int, int],
@@ -53,9 +53,9 @@ def element_joints(
         if not any(is_element(end) for end in connection.ends):
             continue
         ends = [_entry(end, number_of, origin) for end in connection.ends if isinstance(end, Expr)]
-        sources = [e for e in ends if _is_source(found, e, by)]
+        sources = [e for e in ends if _is_source(all_instances, e, by)]
         if len(sources) != 1:
-            names = ", ".join(_name(found, e) for e in sources or ends)
+            names = ", ".join(_name(all_instances, e) for e in sources or ends)
             raise DeclarationError(
                 "AC132",
                 f"two sources drive one signal: {names}" if sources else f"no source among the ends: {names}",
@@ -69,7 +69,7 @@ def element_joints(
             if previous is not None:
                 raise DeclarationError(
                     "AC132",
-                    f"two sources drive one signal: {_name(found, sink)}",
+                    f"two sources drive one signal: {_name(all_instances, sink)}",
                     where=(previous.span(), origin.span()),
                     help="connect each input to one output",
                 )
@@ -79,16 +79,16 @@ def element_joints(
 
 
 def element_equations(
-    pool: Pool, found: Sequence[Instance], joints: Sequence[ElementJoint]
+    pool: Pool, all_instances: Sequence[Instance], joints: Sequence[ElementJoint]
 ) -> tuple[list[FlatEquation], list[FlatAssignment]]:
     """Equations and assignments of the connections of elements."""
     equations: list[FlatEquation] = []
     assignments: list[FlatAssignment] = []
     for joint in joints:
-        source, sink = (found[number].first[name] + k for number, name, k in (joint.source, joint.sink))
-        text = f"{_name(found, joint.sink)} == {_name(found, joint.source)}"
-        path = found[joint.by].path
-        if found[joint.sink[0]].component._declarations[joint.sink[1]].discrete:
+        source, sink = (all_instances[number].first[name] + k for number, name, k in (joint.source, joint.sink))
+        text = f"{_name(all_instances, joint.sink)} == {_name(all_instances, joint.source)}"
+        path = all_instances[joint.by].path
+        if all_instances[joint.sink[0]].component._declarations[joint.sink[1]].discrete:
             assignments.append(FlatAssignment(sink, pool.var(source), joint.origin, path, text))
         else:
             equations.append(FlatEquation(pool.var(sink), pool.var(source), joint.origin, path, text))
@@ -103,16 +103,16 @@ def _entry(end: Expr, number_of: dict[int, int], origin: Origin) -> Entry:
     return number_of_end(symbol.owner, number_of, origin), symbol.name, position
 
 
-def _is_source(found: Sequence[Instance], entry: Entry, by: int) -> bool:
+def _is_source(all_instances: Sequence[Instance], entry: Entry, by: int) -> bool:
     number, name, _ = entry
-    kind = found[number].component._declarations[name].kind
+    kind = all_instances[number].component._declarations[name].kind
     return kind is (Kind.INPUT if number == by else Kind.OUTPUT)
 
 
-def _name(found: Sequence[Instance], entry: Entry) -> str:
+def _name(all_instances: Sequence[Instance], entry: Entry) -> str:
     number, name, entry_index = entry
-    shape = found[number].component._declarations[name].shape
-    return found[number].prefix + name + suffix(shape, entry_index)
+    shape = all_instances[number].component._declarations[name].shape
+    return all_instances[number].prefix + name + suffix(shape, entry_index)
 
 
 Signal = tuple[int, str]
@@ -120,7 +120,7 @@ Signal = tuple[int, str]
 _OPEN = Guess(0.0)
 
 
-def freed_signals(model: Component, found: Sequence[Instance]) -> frozenset[Signal]:
+def freed_signals(model: Component, all_instances: Sequence[Instance]) -> frozenset[Signal]:
     """The signals that `acausal.free` has named.
 
     Raises UsageError: AC047 for a name that is not an input, or an input that changes at events only.
@@ -128,7 +128,7 @@ def freed_signals(model: Component, found: Sequence[Instance]) -> frozenset[Sign
     paths = model.__dict__.get("_freed", ())
     if not paths:
         return frozenset()
-    declared = {i.prefix + name: (i, name, d) for i in found for name, d in i.component._declarations.items()}
+    declared = {i.prefix + name: (i, name, d) for i in all_instances for name, d in i.component._declarations.items()}
     inputs = [path for path, (_, _, d) in declared.items() if d.kind is Kind.INPUT and not d.discrete]
     signals = set()
     for path in paths:
@@ -192,17 +192,17 @@ def cut_joints(signals: Sequence[SignalJoint], cut: Collection[Signal]) -> list[
 
 
 def cut_equations(
-    pool: Pool, found: Sequence[Instance], equations: Sequence[FlatEquation], cut: Collection[Signal]
+    pool: Pool, all_instances: Sequence[Instance], equations: Sequence[FlatEquation], cut: Collection[Signal]
 ) -> list[FlatEquation]:
     """Equations without those by which an owner drives a cut signal: `yield self.force.u == ...`."""
     if not cut:
         return list(equations)
     owner_of_driven: dict[int, str] = {}
     for number, name in cut:
-        owner = found[number].owner
+        owner = all_instances[number].owner
         if owner is not None:
-            first = found[number].first[name]
-            count = max(1, prod(found[number].component._declarations[name].shape))
+            first = all_instances[number].first[name]
+            count = max(1, prod(all_instances[number].component._declarations[name].shape))
             owner_of_driven |= {pool.var(first + k): owner.path for k in range(count)}
     return [
         e
@@ -213,11 +213,11 @@ def cut_equations(
     ]
 
 
-def input_scalars(found: Sequence[Instance], signals: Collection[Signal]) -> tuple[int, ...]:
+def input_scalars(all_instances: Sequence[Instance], signals: Collection[Signal]) -> tuple[int, ...]:
     """The scalars of these signals, in the order of declaration."""
     return tuple(
         instance.first[name] + k
-        for instance in found
+        for instance in all_instances
         for name, d in instance.component._declarations.items()
         if (instance.number, name) in signals
         for k in range(prod(d.shape))

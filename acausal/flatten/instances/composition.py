@@ -53,17 +53,17 @@ def compose(model: Component) -> Composition:
 
     Raises DeclarationError: AC122 to AC131 and AC188, AC189, for errors of the composition.
     """
-    found, _ = placed(model)
-    number_of = numbers(found)
+    all_instances, _ = placed(model)
+    number_of = numbers(all_instances)
     made = [
         (instance.number, item, origin)
-        for instance in found
+        for instance in all_instances
         if not instance.is_leaf
         for item, origin in statements(instance.component)
         if isinstance(item, Connection)
     ]
     joints(made, number_of)  # raises errors of connections
-    return Composition(found, number_of, made)
+    return Composition(all_instances, number_of, made)
 
 
 def stated_equations(component: Component) -> list[tuple[str, str, str]]:
@@ -71,5 +71,5 @@ def stated_equations(component: Component) -> list[tuple[str, str, str]]:
 
     Raises AcausalError: errors of the statements themselves.
     """
-    found = [(m, item) for m, (item, _) in compose(component).stated("equations", "initial_equations")]
-    return [(str(i), getattr(i, "message", ""), "at the start" if m == "initial_equations" else "") for m, i in found]
+    items = [(m, item) for m, (item, _) in compose(component).stated("equations", "initial_equations")]
+    return [(str(i), getattr(i, "message", ""), "at the start" if m == "initial_equations" else "") for m, i in items]

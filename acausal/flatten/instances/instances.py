@@ -64,9 +64,9 @@ class Instance:
         return self.origin if is_given else Declared(type(self.component), name, self.origin)
 
 
-def numbers(found: Iterable[Instance]) -> dict[int, int]:
+def numbers(all_instances: Iterable[Instance]) -> dict[int, int]:
     """Number of the instance of every component and face, by `id`."""
-    return {id(c): i.number for i in found for c in (i.component, *i.faces)}
+    return {id(c): i.number for i in all_instances for c in (i.component, *i.faces)}
 
 
 def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> list[Instance]:
@@ -77,15 +77,15 @@ def instances(model: Component, choices: Mapping[str, Choice] | None = None) -> 
     Raises UsageError: AC028 if `model` is not a component.
     """
     check_model(model)
-    found: list[Instance] = []
-    _grow(found, model, "", None, choices or {})
-    return found
+    all_instances: list[Instance] = []
+    _grow(all_instances, model, "", None, choices or {})
+    return all_instances
 
 
 def placed(model: Component, choices: Mapping[str, Choice] | None = None) -> tuple[list[Instance], tuple[str, ...]]:
     """All instances of a model with outer components bound, and notes on components that had to be added."""
-    found = instances(model, choices)
-    return found, _bind_outers(found)
+    all_instances = instances(model, choices)
+    return all_instances, _bind_outers(all_instances)
 
 
 def components(model: Component) -> Iterator[tuple[str, Component]]:
@@ -111,10 +111,10 @@ def _check_constructed(component: Component) -> None:
 
 
 def _grow(
-    found: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
+    all_instances: list[Instance], model: Component, path: str, owner: Instance | None, choices: Mapping[str, Choice]
 ) -> Instance:
-    """Append a component and all its parts to `found`; return the instance of the component itself."""
-    first = len(found)
+    """Append a component and all its parts to `all_instances`; return the instance of the component itself."""
+    first = len(all_instances)
     seen: dict[int, str] = {}
     stack: list[tuple[Component, str, Instance | None]] = [(model, path, owner)]
     while stack:
@@ -129,17 +129,17 @@ def _grow(
                 help="make one component per place",
             )
         seen[id(component)] = path
-        instance = Instance(component, path, len(found), owner)
-        held = _with_structure(component, path, choices)
-        if held is not component:
-            instance.replace_by_view(held)
-            component = held
-        found.append(instance)
-        if owner is not None and len(found) > first + 1:
+        instance = Instance(component, path, len(all_instances), owner)
+        structured = _with_structure(component, path, choices)
+        if structured is not component:
+            instance.replace_by_view(structured)
+            component = structured
+        all_instances.append(instance)
+        if owner is not None and len(all_instances) > first + 1:
             owner.parts.append(instance)
         if component._parts:
             stack.extend([(c, p, instance) for p, c in reversed(list(_parts(component, instance.prefix)))])
-    return found[first]
+    return all_instances[first]
 
 
 def _with_structure(component: Component, path: str, choices: Mapping[str, Choice]) -> Component:
@@ -150,33 +150,33 @@ def _with_structure(component: Component, path: str, choices: Mapping[str, Choic
 
 
 def _parts(component: Component, prefix: str) -> Iterator[tuple[str, Component]]:
-    held = component._parts
-    if not held:
+    parts = component._parts
+    if not parts:
         return
     for name, declaration in component._declarations.items():
         if declaration.kind is Kind.PART:
-            value = held[name]
+            value = parts[name]
             if isinstance(value, list):
                 yield from ((f"{prefix}{name}[{k}]", v) for k, v in enumerate(value))
             else:
                 yield prefix + name, value
 
 
-def _bind_outers(found: list[Instance]) -> tuple[str, ...]:
+def _bind_outers(all_instances: list[Instance]) -> tuple[str, ...]:
     """Bind the outer components of every instance; return notes on components that had to be added to the model.
 
     Raises DeclarationError: AC188 if no enclosing component has the inner one, AC189 if several match.
     """
-    known: dict[tuple[int, Outer[Component], str], Instance] = {}
+    inner_of: dict[tuple[int, Outer[Component], str], Instance] = {}
     added: dict[tuple[type[Component], str], tuple[Instance, list[str]]] = {}
     bound: list[tuple[Instance, str, Instance]] = []
-    for instance in found:  # `found` grows by the components added
-        for name, wanted in type(instance.component)._outers.items():
-            inner = _find_inner(instance, name, wanted, known)
+    for instance in all_instances:  # `all_instances` grows by the components added
+        for name, declared in type(instance.component)._outers.items():
+            inner = _find_inner(instance, name, declared, inner_of)
             if inner is None:
-                key = wanted.cls, name
+                key = declared.cls, name
                 if key not in added:
-                    added[key] = _add_default(found, instance, name, wanted), []
+                    added[key] = _add_default(all_instances, instance, name, declared), []
                 inner = added[key][0]
                 added[key][1].append(instance.path or type(instance.component).__name__)
             bound.append((instance, name, inner))
@@ -189,26 +189,29 @@ def _bind_outers(found: list[Instance]) -> tuple[str, ...]:
 
 
 def _find_inner(
-    instance: Instance, name: str, wanted: Outer[Component], known: dict[tuple[int, Outer[Component], str], Instance]
+    instance: Instance,
+    name: str,
+    declared: Outer[Component],
+    inner_of: dict[tuple[int, Outer[Component], str], Instance],
 ) -> Instance | None:
     """The nearest enclosing match for an outer component; None if there is none."""
     passed: list[tuple[int, Outer[Component], str]] = []
     enclosing, answer = instance.owner, None
     while enclosing is not None and answer is None:
-        key = enclosing.number, wanted, name
-        answer = known.get(key)
+        key = enclosing.number, declared, name
+        answer = inner_of.get(key)
         if answer is None or answer is instance:
             passed.append(key)
-            answer = _match(enclosing, instance, name, wanted)
+            answer = _match(enclosing, instance, name, declared)
             enclosing = enclosing.owner
-    if answer is not None and not isinstance(instance.component, wanted.cls):
-        known |= dict.fromkeys(passed, answer)
+    if answer is not None and not isinstance(instance.component, declared.cls):
+        inner_of |= dict.fromkeys(passed, answer)
     return answer
 
 
-def _match(holder: Instance, instance: Instance, name: str, wanted: Outer[Component]) -> Instance | None:
+def _match(holder: Instance, instance: Instance, name: str, declared: Outer[Component]) -> Instance | None:
     """The match among the parts of one enclosing instance, or that instance itself."""
-    fitting = [p for p in holder.parts if isinstance(p.component, wanted.cls) and p is not instance]
+    fitting = [p for p in holder.parts if isinstance(p.component, declared.cls) and p is not instance]
     if len(fitting) > 1:
         fitting = [p for p in fitting if p.path == holder.prefix + name] or fitting
     if len(fitting) > 1:
@@ -217,29 +220,29 @@ def _match(holder: Instance, instance: Instance, name: str, wanted: Outer[Compon
             f"{_label(instance)} could mean {len(fitting)} components by its `{name}`",
             where=(instance.origin.span(),),
             evidence=[f"{p.path} ({type(p.component).__name__})" for p in fitting[:6]],
-            help=f"keep one {wanted.cls.__name__}, or call the one that is meant `{name}`",
+            help=f"keep one {declared.cls.__name__}, or call the one that is meant `{name}`",
         )
     if fitting:
         return fitting[0]
-    return holder if isinstance(holder.component, wanted.cls) else None
+    return holder if isinstance(holder.component, declared.cls) else None
 
 
-def _add_default(found: list[Instance], instance: Instance, name: str, wanted: Outer[Component]) -> Instance:
+def _add_default(all_instances: list[Instance], instance: Instance, name: str, declared: Outer[Component]) -> Instance:
     """Add the default of an outer component to the model; return its instance."""
-    model = found[0]
-    if wanted.default is None:
+    model = all_instances[0]
+    if declared.default is None:
         raise DeclarationError(
             "AC188",
-            f"{_label(instance)} finds no {wanted.cls.__name__} around it",
+            f"{_label(instance)} finds no {declared.cls.__name__} around it",
             where=(instance.origin.span(),),
-            cause=wanted.doc or None,
+            cause=declared.doc or None,
             help=f"declare one in {type(model.component).__name__}: "
-            f"{name}: {wanted.cls.__name__} = {wanted.cls.__name__}()",
+            f"{name}: {declared.cls.__name__} = {declared.cls.__name__}()",
         )
-    paths = {i.path for i in found} | set(model.component._declarations)
+    paths = {i.path for i in all_instances} | set(model.component._declarations)
     while name in paths:
         name += "_"
-    return _grow(found, wanted.default._copy(), name, model, {})
+    return _grow(all_instances, declared.default._copy(), name, model, {})
 
 
 def _resolve_stand_in(inner: Instance, stand_in: Component) -> None:

@@ -30,12 +30,12 @@ _COMPUTES = frozenset(("BINARY_OP", "COMPARE_OP", "UNARY_NEGATIVE", "UNARY_INVER
 
 def statements(component: Component, method: str = "equations") -> list[Statement]:
     """Statements yielded by `method` of every class in the MRO, base classes first, with checked dimensions."""
-    found: list[Statement] = []
+    stated: list[Statement] = []
     for cls in reversed(type(component).__mro__):
         function = cls.__dict__.get(method)
         if function is not None:
-            found += run(component, cls.__name__, method, function)
-    return found
+            stated += run(component, cls.__name__, method, function)
+    return stated
 
 
 def refuse_unstated(components: Iterable[Component]) -> None:
@@ -66,7 +66,7 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
         )
     refuse_discarded_generators(type(component), f"{cls}.{method}", function)
     _refuse_idle(f"{cls}.{method}", function)
-    ledger, found = Ledger(), list[Statement]()
+    ledger, items = Ledger(), list[Statement]()
     for item, origin in _stepped(component, generator, ledger):
         if isinstance(item, Equation) and method != "ties":
             check_dimensions(item, _Where(origin))  # type: ignore[arg-type]
@@ -88,9 +88,9 @@ def run(component: Component, cls: str, method: str, function: Callable[..., Any
                 help="yield an equation `left == right`"
                 + (", connect(a, b), when(...) or assert_(...)" if method == "equations" else ""),
             )
-        found.append((item, origin))
+        items.append((item, origin))
     refuse_lost(f"{cls}.{method}", ledger)
-    return found
+    return items
 
 
 def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: Ledger) -> Iterator[Statement]:
@@ -235,15 +235,15 @@ def _varies(e: Expr) -> bool:
 
 def _piecewise_constant(e: Expr) -> Symbol | None:
     """A symbol of an expression that is constant between events; None if it varies."""
-    found = None
+    first_symbol = None
     for here in nodes(e):
         if isinstance(here, Symbol):
-            found = here if found is None else found
+            first_symbol = here if first_symbol is None else first_symbol
             if not (here.declaration.discrete or here.declaration.kind is Kind.PARAMETER):
                 return None
         elif here.op in ("time", "call"):
             return None
-    return found
+    return first_symbol
 
 
 class _Where:

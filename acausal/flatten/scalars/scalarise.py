@@ -309,14 +309,14 @@ def _structural_names(cls: Any) -> tuple[str, ...]:
 _structural: Callable[..., tuple[str, ...]] = cache(_structural_names)
 
 
-def make_template(instance: Instance, found: Sequence[Statement]) -> Template | None:
+def make_template(instance: Instance, items: Sequence[Statement]) -> Template | None:
     """The template of a leaf component from the statements of one instance: equations, and assertions on parameters.
 
     None for components with clauses, discrete equations, delays, or symbols of other components: a function that is
     given as a structural value may close over the parameters of the owner.
     """
     number_of = numbers((instance, *instance.parts))
-    for item, _ in found:
+    for item, _ in items:
         if not isinstance(item, Equation) or assigned(item) is not None:
             return None
         if any(id(s.owner) not in number_of for s in symbols_in(item.left, item.right)):
@@ -349,13 +349,13 @@ def make_template(instance: Instance, found: Sequence[Statement]) -> Template | 
     done: dict[int, Scalars] = {}
     equations = [
         (left, right, origin, item, k)
-        for item, origin in found
+        for item, origin in items
         if isinstance(item, Equation)
         for k, (left, right) in enumerate(sides(pool, item, resolve, done, origin))
     ]
     demands = [
         (scalars(pool, item.condition, resolve, done)[0], origin, item)
-        for item, origin in found
+        for item, origin in items
         if isinstance(item, Assertion)
     ]
     if pool.delays or pool.undelayed or not all(pool.is_constant(condition) for condition, *_ in demands):

@@ -58,11 +58,11 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
             cause="a connection joins connectors of one type",
             help="put a component that has both connectors between them",
         )
-    twice = next((e for k, e in enumerate(ends) if any(_is_same(e, other) for other in ends[:k])), None)
-    if twice is not None:
+    repeated = next((e for k, e in enumerate(ends) if any(_is_same(e, other) for other in ends[:k])), None)
+    if repeated is not None:
         raise DeclarationError(
             "AC121",
-            f"{_name(twice)} is connected with itself",
+            f"{_name(repeated)} is connected with itself",
             help="name the other end; a connection with itself has no effect",
         )
     if isinstance(first, Expr):

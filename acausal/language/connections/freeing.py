@@ -31,9 +31,9 @@ def free(model: C, *signals: str) -> C:
     if not signals or not all(isinstance(s, str) for s in signals):
         raise UsageError("AC047", "free names no signal", help='paths of inputs: free(model, "force.u")')
     freed = (*model.__dict__.get("_freed", ()), *signals)
-    twice = next((s for k, s in enumerate(freed) if s in freed[:k]), None)
-    if twice is not None:
-        raise UsageError("AC047", f"free names `{twice}` twice", help="name each input once")
+    repeated = next((s for k, s in enumerate(freed) if s in freed[:k]), None)
+    if repeated is not None:
+        raise UsageError("AC047", f"free names `{repeated}` twice", help="name each input once")
     twin = model._copy()
     twin.__dict__["_freed"] = freed
     return twin

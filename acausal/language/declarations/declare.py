@@ -49,27 +49,27 @@ def _by_keyword(function: Function) -> Function:
 
     @wraps(function)
     def declared_by(*given: Any, **named: Any) -> Any:
-        if given or named.keys() - known:
-            wrong = next((name for name in named if name not in known), "")
-            raise _wrong_argument(function.__name__, list(known), wrong)
+        if given or named.keys() - arguments:
+            wrong = next((name for name in named if name not in arguments), "")
+            raise _wrong_argument(function.__name__, list(arguments), wrong)
         for name, value in named.items():
             if name in _TYPES:
                 _check_argument(function.__name__, name, value)
         return function(**named)
 
-    known = inspect.signature(function).parameters.keys()
+    arguments = inspect.signature(function).parameters.keys()
     return cast(Function, declared_by)
 
 
 def _check_argument(kind: str, name: str, value: Any) -> None:
-    types, wanted = _TYPES[name]
+    types, description = _TYPES[name]
     if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
         several = " for all elements" if isinstance(value, list | tuple) else ""
         raise DeclarationError(
             "AC110",
-            f"{kind}: {name} is {value!r}, not {wanted}",
+            f"{kind}: {name} is {value!r}, not {description}",
             where=calling_span(),
-            help=f"give {wanted}{several}, or leave it out",
+            help=f"give {description}{several}, or leave it out",
         )
 
 
@@ -382,9 +382,9 @@ def check_discrete(name: str, declaration: Declaration, value: Expr) -> None:
     """
     numbers = value.payload if isinstance(value.payload, tuple) else (value.payload,)
     if declaration.boolean:
-        known = value.op == "const" and set(numbers) <= {0.0, 1.0}
+        is_truth_value = value.op == "const" and set(numbers) <= {0.0, 1.0}
         parts = value.args if value.op == "stack" else (value,)
-        if not known and not all(is_condition(e) or is_truth(e) or _is_choice(e) for e in parts):
+        if not is_truth_value and not all(is_condition(e) or is_truth(e) or _is_choice(e) for e in parts):
             raise DeclarationError(
                 "AC147",
                 f"{name} is boolean, `{value}` is a number",

@@ -51,16 +51,16 @@ def inherited_fields(cls: type[Owner]) -> tuple[dict[str, Declaration], dict[str
 
 def _agree(one: type[Owner], other: type[Owner], name: str) -> bool:
     """Whether two classes declare a field alike, except for its description and hints to the compiler."""
-    found: list[tuple[object, ...]] = []
+    meanings: list[tuple[object, ...]] = []
     for cls in (one, other):
         part, around, declared = (getattr(cls, held).get(name) for held in _FIELD_TABLES)
         if part is not None:
-            found.append((type(part), repr(part)))
+            meanings.append((type(part), repr(part)))
         elif around is not None:
-            found.append((around.cls,))
+            meanings.append((around.cls,))
         else:
-            found.append(tuple(repr(getattr(declared, key)) for key in _COMPARED))
-    return found[0] == found[1]
+            meanings.append(tuple(repr(getattr(declared, key)) for key in _COMPARED))
+    return meanings[0] == meanings[1]
 
 
 _FIELD_TABLES = ("_prototypes", "_outers", "_declarations")

@@ -219,8 +219,8 @@ class Declared:
 
     def span(self) -> Span:
         """The declaration; for a class of the library, the place where the component was made."""
-        found = declared_at(self.cls, self.name)
-        return found[0] if found and not found[0].of_library else self.made.span()
+        declared = declared_at(self.cls, self.name)
+        return declared[0] if declared and not declared[0].of_library else self.made.span()
 
 
 def declared_class(cls: type[Owner], name: str) -> type[Owner] | None:
@@ -244,11 +244,11 @@ def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     """
     annotation = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
     declared = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
-    wanted = _PLAIN.get(declared)
-    if wanted is None:
+    accepted = _PLAIN.get(declared)
+    if accepted is None:
         return own_copy(value)
     plain = value.item() if hasattr(value, "item") else value
-    if isinstance(plain, wanted):
+    if isinstance(plain, accepted):
         return plain
     raise DeclarationError(
         "AC115",
@@ -316,11 +316,11 @@ def _declaring_line(start: Span, name: str) -> tuple[Span, ...]:
 def annotation_of(cls: type[Owner], name: str) -> str:
     """The call that makes a part, from its annotation: `Mass(...)`, `[Mass(...), ...]`."""
     for base in cls.__mro__:
-        found = inspect.get_annotations(base).get(name)
-        if found is not None:
-            members = getattr(found, "__args__", ())  # an annotation is text, a class or list[class]
-            is_text = isinstance(found, str)
-            text = found if is_text else getattr(found, "__name__", str(found))
+        annotation = inspect.get_annotations(base).get(name)
+        if annotation is not None:
+            members = getattr(annotation, "__args__", ())  # an annotation is text, a class or list[class]
+            is_text = isinstance(annotation, str)
+            text = annotation if is_text else getattr(annotation, "__name__", str(annotation))
             inner = text[5:-1] if is_text and text.startswith("list[") else members[0].__name__ if members else ""
             return f"[{inner}(...), ...]" if inner else f"{text}(...)"
     return "..."

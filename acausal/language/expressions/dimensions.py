@@ -166,13 +166,13 @@ def _leaf_dimension(e: Expr) -> _Dimensional:
     return DIMENSIONLESS if e.op in CONDITIONS else None
 
 
-def _bare_time_as_seconds(found: _Dimensional) -> _Dimensional:
+def _bare_time_as_seconds(operand: _Dimensional) -> _Dimensional:
     """The dimension of `time` if it is alone; anything else unchanged."""
-    return found.dimension if isinstance(found, _Signal) and found.bare else found
+    return operand.dimension if isinstance(operand, _Signal) and operand.bare else operand
 
 
-def _is_number(found: _Dimensional) -> bool:
-    return isinstance(found, _Plain | _Signal)
+def _is_number(dimension: _Dimensional) -> bool:
+    return isinstance(dimension, _Plain | _Signal)
 
 
 def _dimensions(parts: Iterable[_Dimensional]) -> list[Dimension]:
@@ -197,21 +197,21 @@ def _product(a: _Dimensional, b: _Dimensional, combine: Callable[[Dimension, Dim
         return None
     if a is _NUMBER and b is _NUMBER:
         return _NUMBER
-    found = combine(_dimension_with_quantity(a), _dimension_with_quantity(b))
-    return _Signal(found) if _is_number(a) and _is_number(b) else found
+    dimension = combine(_dimension_with_quantity(a), _dimension_with_quantity(b))
+    return _Signal(dimension) if _is_number(a) and _is_number(b) else dimension
 
 
-def _dimension_with_quantity(found: _Dimensional) -> Dimension:
+def _dimension_with_quantity(operand: _Dimensional) -> Dimension:
     """Dimension of a number, a signal or a quantity in combination with a quantity."""
-    if isinstance(found, _Signal):
-        return found.dimension
-    return found if isinstance(found, tuple) else DIMENSIONLESS
+    if isinstance(operand, _Signal):
+        return operand.dimension
+    return operand if isinstance(operand, tuple) else DIMENSIONLESS
 
 
-def _power(found: _Dimensional, exponent: Fraction) -> _Dimensional:
-    if isinstance(found, _Signal):
-        return _Signal(power(found.dimension, exponent))
-    return power(found, exponent) if isinstance(found, tuple) else found
+def _power(operand: _Dimensional, exponent: Fraction) -> _Dimensional:
+    if isinstance(operand, _Signal):
+        return _Signal(power(operand.dimension, exponent))
+    return power(operand, exponent) if isinstance(operand, tuple) else operand
 
 
 def _sum(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
@@ -243,10 +243,10 @@ def _require_agreement(e: Expr, declared: list[Dimension]) -> None:
 
 def _timed(e: Expr, parts: list[_Dimensional]) -> _Dimensional:
     first = 1 if e.op == "delay" else 0
-    for t, found in zip(e.args[first:], parts[first:], strict=True):
-        if isinstance(found, tuple) and found != _SECOND:
+    for t, dimension in zip(e.args[first:], parts[first:], strict=True):
+        if isinstance(dimension, tuple) and dimension != _SECOND:
             what = "a delay is a time" if first else "samples are taken at times"
-            raise _Mismatch(f"`{_short(e)}`: {what}, `{_short(t)}` is in {format_dimension(found)}")
+            raise _Mismatch(f"`{_short(e)}`: {what}, `{_short(t)}` is in {format_dimension(dimension)}")
     return parts[0] if first else DIMENSIONLESS
 
 

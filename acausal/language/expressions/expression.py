@@ -368,19 +368,19 @@ def is_condition(e: object) -> bool:
     """True for a condition: relations, boolean variables, and `&`, `|`, `~`, `pre`, `where` of these."""
     if not isinstance(e, Expr):
         return False
-    found = False
+    has_condition = False
     stack = [e]
     while stack:
         here = stack.pop()
         if here.op in CONDITIONS or (isinstance(here, Symbol) and here.declaration.boolean):
-            found = True
+            has_condition = True
         elif here.op in ("index", "slice", "pre", "noevent"):
             stack.append(here.args[0])
         elif here.op == "where":
             stack += here.args[1:]
         elif not is_truth(here):
             return False
-    return found
+    return has_condition
 
 
 def assigned(equation: Equation) -> Symbol | None:
@@ -445,13 +445,13 @@ def nodes(*roots: Expr, into: Callable[[Expr], Sequence[Expr]] = operator.attrge
 
     Each occurs only once, because there may be exponentially many paths to a shared part.
     """
-    stack, found = list(reversed(roots)), dict[int, Expr]()
+    stack, by_id = list(reversed(roots)), dict[int, Expr]()
     while stack:
         e = stack.pop()
-        if id(e) not in found:
-            found[id(e)] = e
+        if id(e) not in by_id:
+            by_id[id(e)] = e
             stack.extend(reversed(into(e)))
-    return list(found.values())
+    return list(by_id.values())
 
 
 def symbols_in(*roots: Expr) -> list[Symbol]:
@@ -544,16 +544,16 @@ def to_text(e: Expr, depth: int = 0, *, name_of: Callable[[Symbol], str] | None 
         return "time"
     if depth > 12:
         return "..."
-    own = _BINDING.get(e.op, 0)
+    precedence = _BINDING.get(e.op, 0)
     # Operators group to the left, `**` to the right.
-    inner = [own + ((k > 0) != (e.op == "pow")) for k in range(len(e.args))]
+    inner = [precedence + ((k > 0) != (e.op == "pow")) for k in range(len(e.args))]
     if e.op in ("index", "slice", "transpose"):
         inner = [9]
     parts = [to_text(a, depth + 1, name_of=name_of, binding=i) for a, i in zip(e.args, inner, strict=True)]
     if e.op in _INFIX:
-        return _closed(f"{parts[0]} {_INFIX[e.op]} {parts[1]}", own < binding)
+        return _closed(f"{parts[0]} {_INFIX[e.op]} {parts[1]}", precedence < binding)
     if e.op in ("neg", "not"):
-        return _closed(f"{'-' if e.op == 'neg' else '~'}{parts[0]}", own < binding)
+        return _closed(f"{'-' if e.op == 'neg' else '~'}{parts[0]}", precedence < binding)
     if e.op == "index":
         return f"{parts[0]}[{', '.join(map(str, e.payload))}]"
     if e.op == "slice":

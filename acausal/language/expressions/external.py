@@ -86,8 +86,8 @@ class External:
                 f"{self.name} takes {len(self.inputs)} arguments: {', '.join(map(shape_text, self.inputs))}",
                 evidence=[f"given: {', '.join(f'`{e}` ({shape_text(e.shape)})' for e in given) or 'none'}"],
             )
-        found = [Operation("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs)]
-        return found[0] if len(found) == 1 else tuple(found)
+        results = [Operation("call", given, shape, (self, k)) for k, shape in enumerate(self.outputs)]
+        return results[0] if len(results) == 1 else tuple(results)
 
     @property
     def partials(self) -> External:

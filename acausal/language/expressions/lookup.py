@@ -37,10 +37,10 @@ def lookup(breaks: Sequence[float], coefficients: Sequence[Sequence[float]], nam
             "table(points, u) of acausal.library.blocks interpolates points",
         )
     key = tuple(breaks), tuple(map(tuple, coefficients)), name
-    found = _CACHE.get(key)
-    if found is None:
-        found = _CACHE[key] = Lookup(*key)
-    return found
+    cached = _CACHE.get(key)
+    if cached is None:
+        cached = _CACHE[key] = Lookup(*key)
+    return cached
 
 
 def _fault(breaks: Sequence[float], coefficients: Sequence[Sequence[float]]) -> str:

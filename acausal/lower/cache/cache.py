@@ -89,8 +89,8 @@ class _Entry:
         solution = self.compiled.solution
         nodes = solution.structure.reduced.pool.nodes
         roots = [n for _, n in solution.definitions]
-        found = {nodes[n][2] for n in solution.structure.reduced.pool.reachable(roots) if nodes[n][0] == "div"}
-        return tuple(_safe(solution.structure.points, sorted(found)))
+        candidates = {nodes[n][2] for n in solution.structure.reduced.pool.reachable(roots) if nodes[n][0] == "div"}
+        return tuple(_safe(solution.structure.points, sorted(candidates)))
 
 
 _cache: Recent[_Entry] = Recent(_MOST_MODELS, lambda entry: entry.size, _MOST_NODES)

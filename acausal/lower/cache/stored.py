@@ -88,13 +88,13 @@ def find(signature: tuple[Any, ...], flat: FlatSystem) -> CompiledModel | None:
     if path is None:
         return None
     try:
-        found = _Reader(io.BytesIO(path.read_bytes()), _externals(signature)).load()
+        model = _Reader(io.BytesIO(path.read_bytes()), _externals(signature)).load()
         os.utime(path)  # mark as recently used
     except Exception as error:  # any failure: the model can be compiled again
         _log.info("%s is not read: %r", path, error)
         discard(path)
         return None
-    return found if isinstance(found, CompiledModel) else None
+    return model if isinstance(model, CompiledModel) else None
 
 
 def keep(signature: tuple[Any, ...], compiled: CompiledModel) -> None:
@@ -183,24 +183,24 @@ class _Reader(pickle.Unpickler):
 
     def external(self, place: int, derivatives: int) -> External:
         """An external function of the reader's flat system, or its partial derivatives of the given order."""
-        found = self.externals[place]
+        function = self.externals[place]
         for _ in range(derivatives):
-            found = found.partials
-        return found
+            function = function.partials
+        return function
 
     def find_class(self, module: str, name: str) -> Any:
         """The class of this name, if files may refer to it."""
         if (module, name) == (__name__, _external.__name__):
             return self.external
         is_listed = (module, name) in _ALLOWED or module.split(".")[:2] in _OWN_PACKAGES
-        found: Any = import_module(module) if is_listed else sys.modules.get(module)
+        target: Any = import_module(module) if is_listed else sys.modules.get(module)
         for part in name.split("."):
-            found = getattr(found, part)
-        is_allowed = isinstance(found, type) and (
-            found.__module__ == module if is_listed else issubclass(found, Component)
+            target = getattr(target, part)
+        is_allowed = isinstance(target, type) and (
+            target.__module__ == module if is_listed else issubclass(target, Component)
         )
         if is_allowed or (module, name) in _ALLOWED:
-            return found
+            return target
         raise pickle.UnpicklingError(f"{module}.{name} is not allowed in compiled models")
 
 
@@ -222,10 +222,10 @@ def _digest(signature: tuple[Any, ...]) -> str:
 @cache
 def _compiler_version() -> str:
     """A hash of everything besides the signature that determines the compiled model."""
-    found = hashlib.sha256(repr((sys.version_info[:3], np.__version__, ca.CasadiMeta.version())).encode())
+    compiler_hash = hashlib.sha256(repr((sys.version_info[:3], np.__version__, ca.CasadiMeta.version())).encode())
     for path in _compiler_sources():
-        found.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + path.read_bytes())
-    return found.hexdigest()
+        compiler_hash.update(str(path.relative_to(_PACKAGE)).encode() + b"\0" + path.read_bytes())
+    return compiler_hash.hexdigest()
 
 
 def _compiler_sources() -> Iterator[Path]:

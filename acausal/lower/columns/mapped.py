@@ -82,18 +82,18 @@ def mapped(compiled: Lowered, zeros: frozenset[int]) -> Mapped | None:
     return Mapped(constants, rhs, program.operations) if _colours(rhs) <= MOST_COLOURS else None
 
 
-def pays(found: Patterns) -> bool:
+def pays(program: Patterns) -> bool:
     """Whether columns are faster than scalar code, and can express all operations."""
-    lengths = found.lengths
+    lengths = program.lengths
     total = sum(lengths)
-    rare = [one for stage in found.stages for one in stage.few]
+    rare = [one for stage in program.stages for one in stage.few]
     return (
         bool(lengths)
         and all(type(one.op) is str and one.op != "homotopy" for one in rare)  # calls and delays are subclasses of str
-        and not any(one.op == "pow" and found.leaves.get(one.operands[1][0], ("",))[0] == CONSTANT for one in rare)
+        and not any(one.op == "pow" and program.leaves.get(one.operands[1][0], ("",))[0] == CONSTANT for one in rare)
         and total >= _LEAST_MEAN_LENGTH * len(lengths)
-        and total >= _LEAST_FRACTION * (total + found.scalars)
-        and len(found.stages) <= MOST_STAGES
+        and total >= _LEAST_FRACTION * (total + program.scalars)
+        and len(program.stages) <= MOST_STAGES
     )
 
 
@@ -204,14 +204,18 @@ class _Program:
         if not members:
             return ca.MX(0, 1)
         names = list(dict.fromkeys(self.position[n][0] for n in members))
-        wanted = [np.array([self.position[n][1] for n in members if self.position[n][0] == name]) for name in names]
+        entries_of_source = [
+            np.array([self.position[n][1] for n in members if self.position[n][0] == name]) for name in names
+        ]
         if len(names) == 1:
-            return _picked(self.source[names[0]], wanted[0], scalar=False)
+            return _picked(self.source[names[0]], entries_of_source[0], scalar=False)
         # Select the entries of each source in order, then permute all of them to the order of `members`.
         which = {name: k for k, name in enumerate(names)}
         source = np.array([which[self.position[n][0]] for n in members])
         order = np.argsort(np.argsort(source, kind="stable"), kind="stable")
-        parts = [_picked(self.source[name], at, scalar=False) for name, at in zip(names, wanted, strict=True)]
+        parts = [
+            _picked(self.source[name], at, scalar=False) for name, at in zip(names, entries_of_source, strict=True)
+        ]
         return _picked(ca.vertcat(*parts), order, scalar=False)
 
 

@@ -262,6 +262,8 @@ class _Search:
         return ready if ready >= 0 and ready % 2 == odd else ready + 1 if (ready + 1) % 2 == odd else ready + 2
 
     def _outside(self, few: Sequence[Column], numbers: Mapping[int, float]) -> list[int]:
-        inside = {column.members[0] for column in few}
-        wanted = (c for column in few for (c,) in column.operands if c not in inside and c not in numbers)
-        return list(dict.fromkeys(wanted))
+        few_members = {column.members[0] for column in few}
+        outside_operands = (
+            c for column in few for (c,) in column.operands if c not in few_members and c not in numbers
+        )
+        return list(dict.fromkeys(outside_operands))

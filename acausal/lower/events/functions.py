@@ -112,8 +112,8 @@ class EventFunctions:
         """For each relation, those that differ from it only where the sides are equal, such as `x >= 0` and `x > 0`."""
         nodes = [self._pool.nodes[n] for n in self.compiled.state_events.relations]
         index_of = {node: k for k, node in enumerate(nodes)}
-        found = (index_of.get((_TWIN[op], *sides)) for op, *sides in nodes)
-        return tuple(() if k is None else (k,) for k in found)
+        twin_indices = (index_of.get((_TWIN[op], *sides)) for op, *sides in nodes)
+        return tuple(() if k is None else (k,) for k in twin_indices)
 
     @cached_property
     def places(self) -> tuple[tuple[Span | None, str], ...]:
@@ -127,11 +127,11 @@ class EventFunctions:
 
         Indices instead of clauses, because equal systems share these functions, and their clauses have other names.
         """
-        found: dict[int, set[int]] = {}
+        clauses_of: dict[int, set[int]] = {}
         for k, clause in enumerate(self.compiled.state_events.clauses):
             if clause.actions and len(clause.conditions) == 1:
-                found.setdefault(clause.conditions[0], set()).add(k)
-        return tuple(frozenset(found.get(node, ())) for node in self.compiled.state_events.relations)
+                clauses_of.setdefault(clause.conditions[0], set()).add(k)
+        return tuple(frozenset(clauses_of.get(node, ())) for node in self.compiled.state_events.relations)
 
     @cached_property
     def struck_by(self) -> frozenset[int]:

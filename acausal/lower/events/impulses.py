@@ -124,10 +124,10 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
 def struck(compiled: Lowered, acting: Collection[int]) -> Any:
     """`(t, x, z, u, p, m) -> dx[nx]`: jump of the states when the impulses among the actions `acting` act together."""
     s = Symbols(compiled)
-    found = impulses_of(compiled, s)
+    model_impulses = impulses_of(compiled, s)
     jump = ca.SX(s.x.numel(), 1)
-    if found is not None:
-        jump = found.after(s, s.x, [ca.SX(a in acting) for a in found.actions])[0] - s.x
+    if model_impulses is not None:
+        jump = model_impulses.after(s, s.x, [ca.SX(a in acting) for a in model_impulses.actions])[0] - s.x
     return ca.Function("struck", s.inputs, [ca.densify(jump)])
 
 

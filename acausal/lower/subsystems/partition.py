@@ -69,9 +69,9 @@ class _Partition:
         self.sets = UnionFind(self.pool.n_variables)
         rates = {x: self.pool.var(solution.structure.derivative(x)) for x in compiled.state_variables}
         statement_nodes = [n for nodes in self._statements() for n in nodes]
-        wanted = self._behind([*rates.values(), *statement_nodes])
+        needed = self._behind([*rates.values(), *statement_nodes])
         for variable, node in solution.definitions:
-            if variable in wanted:
+            if variable in needed:
                 moving_inside = self._moving(node)
                 if moving_inside:
                     self.moving.add(variable)
@@ -92,11 +92,11 @@ class _Partition:
 
     def _behind(self, roots: Iterable[int]) -> set[int]:
         """Variables on which nodes depend, through definitions."""
-        wanted = {v for n in roots for v in self._variables(n)}
+        needed = {v for n in roots for v in self._variables(n)}
         for variable, node in reversed(self.compiled.solution.definitions):
-            if variable in wanted:
-                wanted |= self._variables(node)
-        return wanted
+            if variable in needed:
+                needed |= self._variables(node)
+        return needed
 
     def _variables(self, node: int) -> frozenset[int]:
         """Variables in a node, and in the branches that replace its kinks and jumps."""

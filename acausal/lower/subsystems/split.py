@@ -167,8 +167,8 @@ class _Statements:
 
     def timely(self, e: Extract) -> tuple[list[int], list[int], list[int]]:
         """Indices of the relations of time, samples and flags that the group contains."""
-        found = [[k for _, k in self.shared(e, nodes)] for nodes in self._shared_nodes]
-        return found[0], found[1], found[2]
+        shared_indices = [[k for _, k in self.shared(e, nodes)] for nodes in self._shared_nodes]
+        return shared_indices[0], shared_indices[1], shared_indices[2]
 
     def modes(self, e: Extract) -> Indices:
         """Indices of the modes of the group among those of the whole model, in the order of `mode_nodes`."""

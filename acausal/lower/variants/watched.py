@@ -76,10 +76,10 @@ def _tables_left(count: int) -> str:
 def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, ...], branches: bool) -> _Made:
     """Locate as many kinks as allowed: per system if the model is split into systems, else in the whole model."""
     partition = cache(lambda: system_of(compiled))  # lazy, because most models have no kinks to locate
-    model, found = _lowered(compiled, roots, numbers, branches, lambda node: partition()(node))
-    if len(found.watched) > MOST and model is not None and not subsystems(model):
-        model, found = _lowered(compiled, roots, numbers, branches, lambda node: 0)
-    return model, _note_on_unwatched(compiled, found) if found.left else ""
+    model, kinks = _lowered(compiled, roots, numbers, branches, lambda node: partition()(node))
+    if len(kinks.watched) > MOST and model is not None and not subsystems(model):
+        model, kinks = _lowered(compiled, roots, numbers, branches, lambda node: 0)
+    return model, _note_on_unwatched(compiled, kinks) if kinks.left else ""
 
 
 def _lowered(
@@ -92,19 +92,19 @@ def _lowered(
     solution = compiled.solution
     reduced = solution.structure.reduced
     pool = reduced.pool
-    found = LocatedKinks()
+    kinks = LocatedKinks()
     if any(pool.nodes[n][0] in _KINKS | _BURSTS for n in pool.reachable(roots)):
         split_relations = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
         located = *compiled.state_events.relations, *compiled.time_events.relations, *split_relations
-        found = located_kinks(solution, located, discrete_variables(reduced), system)
-    if not found.watched and not found.bursts and not numbers:
-        return None, found
-    lowered = lower(solution, compiled.driven, replace(found, numbers=numbers, branches=branches))
+        kinks = located_kinks(solution, located, discrete_variables(reduced), system)
+    if not kinks.watched and not kinks.bursts and not numbers:
+        return None, kinks
+    lowered = lower(solution, compiled.driven, replace(kinks, numbers=numbers, branches=branches))
     lowered = replace(lowered, selection=compiled.selection, recipe=compiled.recipe, start=compiled.start)
-    return replace(lowered, timings=dict(compiled.timings)), found
+    return replace(lowered, timings=dict(compiled.timings)), kinks
 
 
-def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
+def _note_on_unwatched(compiled: CompiledModel, kinks_found: LocatedKinks) -> str:
     reduced = compiled.solution.structure.reduced
 
     def text_of(number: int) -> str:
@@ -115,10 +115,10 @@ def _note_on_unwatched(compiled: CompiledModel, found: LocatedKinks) -> str:
         ]
         return " against ".join(reduced.text(n, _WIDTH) for n in inside)
 
-    unlocated = found.left
+    unlocated = kinks_found.left
     texts = "; ".join(text_of(n) for n in unlocated[:_MOST_NAMED])
     more = f"; and {len(unlocated) - _MOST_NAMED} more" if len(unlocated) > _MOST_NAMED else ""
-    total = len(unlocated) + len(found.watched)
+    total = len(unlocated) + len(kinks_found.watched)
     return (
         f"AC414: {len(unlocated)} of {total} kinks (of minimum, maximum, abs, no_event) are too many to be located "
         f"({texts}{more}): {_STEP_BOUND}; write those that matter as a relation without no_event, or "
