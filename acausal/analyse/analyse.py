@@ -181,14 +181,14 @@ def _order(system: _System, states: set[int], without: set[int]) -> tuple[Block,
     known = states | system.inputs
     equations = [e for e in range(len(system.residuals)) if e not in without]
     unknowns = [v for v in range(system.n_variables()) if v not in known]
-    place = {v: k for k, v in enumerate(unknowns)}
-    rows = [[place[v] for v in system.incidence(e) if v in place] for e in equations]
+    column_of = {v: k for k, v in enumerate(unknowns)}
+    rows = [[column_of[v] for v in system.incidence(e) if v in column_of] for e in equations]
     incidence = Incidence.from_rows(rows, len(unknowns))
     matched = match(incidence)
     if len(rows) != len(unknowns) or (matched < 0).any():
         free = sorted(set(range(len(unknowns))) - {int(c) for c in matched if c >= 0})
-        left = [system.source[equations[r]] for r in np.flatnonzero(matched < 0)]
-        raise undetermined(system.reduced, left, [unknowns[c] for c in free])
+        unmatched = [system.source[equations[r]] for r in np.flatnonzero(matched < 0)]
+        raise undetermined(system.reduced, unmatched, [unknowns[c] for c in free])
     return tuple(
         Block(tuple(equations[r] for r in b.rows), tuple(unknowns[c] for c in b.columns))
         for b in blocks(incidence, matched)

@@ -84,20 +84,20 @@ def with_combinations(structure: Structure, rows: Iterable[int], unknowns: Colle
         scalar = reduced.scalar[variable]
         return scalar if scalar < first else scalar + len(combinations)
 
-    made = tuple(_variable(reduced, c, new[variable_of[c]]) for c in combinations)
+    added = tuple(_variable(reduced, c, new[variable_of[c]]) for c in combinations)
     equations = list(flat.equations)
     for r in nonlinear_rows:
         node = transferred(pool, _substitute(form, reduced.residuals[r], variable_of), flat.pool, number)
-        place = reduced.equation[r]
-        equations[place] = equations[place]._replace(left=node, right=flat.pool.zero)
-    for c, v in zip(combinations, made, strict=True):
+        index = reduced.equation[r]
+        equations[index] = equations[index]._replace(left=node, right=flat.pool.zero)
+    for c, v in zip(combinations, added, strict=True):
         meaning = pool.sum(pool.mul(factor, pool.var(x)) for x, factor in c.factors)
         here = equations[reduced.equation[next(r for r in nonlinear_rows if c in combinations_of[r].values())]]
         right = transferred(pool, meaning, flat.pool, number)
         text = f"{v.path} is one variable, because nonlinear equations contain it as a whole"
         equations.append(FlatEquation(flat.pool.var(v.first), right, here.origin, here.component, text))
     sizes = flat.nominals and (*flat.nominals, *(nominal(reduced, c.factors[0][0]) for c in combinations))
-    flat = replace(flat, equations=tuple(equations), variables=(*flat.variables, *made), nominals=sizes)
+    flat = replace(flat, equations=tuple(equations), variables=(*flat.variables, *added), nominals=sizes)
     return Combined(flat, frozenset(reduced.equation[r] for r in nonlinear_rows), image)
 
 
@@ -191,13 +191,13 @@ def _image(form: LinearForm, root: int, variable_of: dict[_Combination, int], do
 
 def _substitute_linear(pool: Pool, rest: int, linear: dict[int, int], variable_of: dict[_Combination, int]) -> int:
     """A linear form with the combinations in it replaced by their variables."""
-    left = dict(linear)
+    remaining = dict(linear)
     for combination, variable in variable_of.items():
-        factor = combination.factor_in(pool, left)
+        factor = combination.factor_in(pool, remaining)
         if factor is not None:
             rest = pool.add(rest, pool.mul(factor, pool.var(variable)))
-            left = {v: c for v, c in left.items() if v not in dict(combination.factors)}
-    return pool.add(rest, pool.sum(pool.mul(c, pool.var(v)) for v, c in left.items()))
+            remaining = {v: c for v, c in remaining.items() if v not in dict(combination.factors)}
+    return pool.add(rest, pool.sum(pool.mul(c, pool.var(v)) for v, c in remaining.items()))
 
 
 def _variable(reduced: ReducedSystem, combination: _Combination, number: int) -> FlatVariable:

@@ -134,17 +134,19 @@ def _substitution_remainders(structure: Structure, rows: Sequence[int], unknowns
     # an equation without unknowns is no hidden constraint
     rows = [r for r in rows if pool.variables_in(structure.residuals[r]) & unknowns]
     for r in sorted(rows, key=lambda r: form.of(structure.residuals[r]) is None):
-        left = image(structure.residuals[r])
-        if not pool.variables_in(left) & unknowns:
-            remainders[r] = left
+        remainder = image(structure.residuals[r])
+        if not pool.variables_in(remainder) & unknowns:
+            remainders[r] = remainder
             continue
-        linear = form.of(left)
+        linear = form.of(remainder)
         if linear is None:
             continue
         numbers = {v: pool.value(c) for v, c in linear[1].items()}
         pivot = next((v for v, c in numbers.items() if c in (1.0, -1.0)), None)
         if pivot is not None:
-            solved = pool.neg(pool.mul(linear[1][pivot], pool.sub(left, pool.mul(linear[1][pivot], pool.var(pivot)))))
+            solved = pool.neg(
+                pool.mul(linear[1][pivot], pool.sub(remainder, pool.mul(linear[1][pivot], pool.var(pivot))))
+            )
             substitution[pivot] = pool.collected(solved)
             substitution.update({v: image(node) for v, node in substitution.items()})
     return remainders
@@ -206,12 +208,12 @@ def _differentiated_remainder(structure: Structure, block: Block) -> dict[int, i
     """
     count = len(structure.reduced.residuals)
     rests = list(_remainders(structure, block.rows, set(block.columns)).values())
-    place = {v: k for k, v in enumerate(block.columns)}
-    jacobian = np.zeros((len(block.rows), len(place)))
+    column_of = {v: k for k, v in enumerate(block.columns)}
+    jacobian = np.zeros((len(block.rows), len(column_of)))
     residuals = [structure.residuals[r] for r in block.rows]
     for i, row in enumerate(gradients(structure.reduced.pool, residuals, block.columns, structure.points.leaves)):
         for v, slope in row.items():
-            jacobian[i, place[v]] = np.broadcast_to(slope, (COUNT,))[1]
+            jacobian[i, column_of[v]] = np.broadcast_to(slope, (COUNT,))[1]
     if len(rests) != 1 or not np.isfinite(jacobian).all():
         return {}
     left, sizes, _ = np.linalg.svd(jacobian)

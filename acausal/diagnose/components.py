@@ -180,13 +180,13 @@ def _restated(cls: type[Component], stated: list[FlatEquation]) -> type[Componen
     """The base class with an equation that its subclass `cls` repeats, from the same place in the source."""
     seen = set()
     for e in stated:
-        place = (e.origin, e.left, e.right)
+        origin_and_sides = (e.origin, e.left, e.right)
         code = getattr(e.origin, "code", None)
-        if place in seen:
+        if origin_and_sides in seen:
             for base in cls.__mro__[1:]:
                 if code is not None and getattr(base.__dict__.get("equations"), "__code__", None) is code:
                     return base
-        seen.add(place)
+        seen.add(origin_and_sides)
     return None
 
 

@@ -46,10 +46,10 @@ def refuse_changing_structure(
         return
     for block in blocks:
         rows = [residuals[r] for r in block.rows]
-        place = {v: k for k, v in enumerate(block.columns)}
+        column_of = {v: k for k, v in enumerate(block.columns)}
 
-        def columns(variables: Collection[int], place: dict[int, int] = place) -> list[int]:
-            return sorted(place[v] for v in variables if v in place)
+        def columns(variables: Collection[int], column_of: dict[int, int] = column_of) -> list[int]:
+            return sorted(column_of[v] for v in variables if v in column_of)
 
         if not switched.intersection(rows) or (_matched([columns(_always(pool, row)) for row in rows]) >= 0).all():
             continue

@@ -40,8 +40,8 @@ def line(flat: FlatSystem, equation: FlatEquation) -> str:
     made_by_connect = isinstance(equation.source, str)
     owner = flat.components.get(equation.component)
     names = [] if made_by_connect or owner is None else [owner.cls.__name__]
-    places = [] if equation.origin is None else [short(equation.origin.span())]
-    return f"{text}   ({', '.join(names + places)})"
+    sources = [] if equation.origin is None else [short(equation.origin.span())]
+    return f"{text}   ({', '.join(names + sources)})"
 
 
 def lines(flat: FlatSystem, equations: Sequence[FlatEquation], limit: int = 6) -> list[str]:

@@ -235,11 +235,14 @@ def _violation(flat: FlatSystem, demand: FlatAssert, values: Sequence[float]) ->
     pool, component = flat.pool, flat.components[demand.component]
     numbers = sorted({pool.nodes[n][1] for n in pool.reachable([demand.condition]) if pool.nodes[n][0] == "par"})
     names = [flat.parameter_names[k] for k in numbers]
-    stated = demand.origin.span()
+    place_of_assertion = demand.origin.span()
     return DeclarationError(
         "AC139",
         f"{_subject(flat, demand)}: {demand.message}",
-        where=[*([component.origin.span()] if demand.component else []), *([] if stated.of_library else [stated])],
+        where=[
+            *([component.origin.span()] if demand.component else []),
+            *([] if place_of_assertion.of_library else [place_of_assertion]),
+        ],
         evidence=["with " + ", ".join(f"{name} = {values[k]:g}" for k, name in zip(numbers, names, strict=True))],
         help=f"change {' or '.join(names)}",
     )

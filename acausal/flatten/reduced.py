@@ -129,10 +129,10 @@ def _nominal_rate(reduced: ReducedSystem, variable: int) -> float:
     if velocity is None or flat.nominals:
         return 1.0
     size = nominal(reduced, velocity)
-    places = (flat.pool.integral_of.get(s) for s in reduced.aliases.get(velocity, ()))
-    place = next((s for s in places if s is not None and s < flat.n_scalars), None)
+    positions = (flat.pool.integral_of.get(s) for s in reduced.aliases.get(velocity, ()))
+    position = next((s for s in positions if s is not None and s < flat.n_scalars), None)
     below = reduced.pool.integral_of.get(velocity)
-    if place is None and below is None:
+    if position is None and below is None:
         return 1.0
-    length = abs(flat.declaration(place).nominal) if place is not None else nominal(reduced, below or 0)
+    length = abs(flat.declaration(position).nominal) if position is not None else nominal(reduced, below or 0)
     return size * size / length if size != 1.0 else 1.0

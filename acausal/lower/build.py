@@ -263,8 +263,8 @@ class Symbols:
     def input_values(self, compiled: Lowered) -> Any:
         """Inputs as the equations contain them: entries of u, or polynomials in time for driven ones."""
         u, first = ca.SX(self.u), len(compiled.time_events.relations)
-        for k, place in enumerate(compiled.driven):
-            u[place] = polynomial(self.m[first + k * INPUT_WIDTH : first + (k + 1) * INPUT_WIDTH], self.t)
+        for k, input_index in enumerate(compiled.driven):
+            u[input_index] = polynomial(self.m[first + k * INPUT_WIDTH : first + (k + 1) * INPUT_WIDTH], self.t)
         return u
 
 

@@ -335,6 +335,6 @@ def _fill(attributes: dict[str, Any]) -> None:
         make = attributes.get(_MAKE)
         if make is None:  # another thread was faster
             return
-        made = make()
-        attributes.update({name: value for name, value in made.__dict__.items() if name != "recipe"})
+        model = make()
+        attributes.update({name: value for name, value in model.__dict__.items() if name != "recipe"})
         del attributes[_MAKE]

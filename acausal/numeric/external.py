@@ -126,15 +126,15 @@ def _make_jacobian(primal: External) -> Any:
     results = function(primal).call(inputs, False, False)
     # CasADi orders the inputs column by column; reorder the derivatives row by row.
     jacobian = ca.jacobian(ca.vertcat(*map(_rows, results)), ca.veccat(*inputs))
-    places = _rows_first(primal.inputs)
-    return ca.Function(f"d_{primal.name}", inputs, [ca.densify(jacobian[:, places])])
+    order = _rows_first(primal.inputs)
+    return ca.Function(f"d_{primal.name}", inputs, [ca.densify(jacobian[:, order])])
 
 
 def _rows_first(shapes: Sequence[Shape]) -> list[int]:
     """Column-major index of each entry of the inputs, in row-major order."""
-    places: list[int] = []
+    column_major: list[int] = []
     for shape in shapes:
         size = int(np.prod(shape))
-        grid = np.arange(len(places), len(places) + size)
-        places += grid.reshape(shape, order="F").ravel().tolist()
-    return places
+        grid = np.arange(len(column_major), len(column_major) + size)
+        column_major += grid.reshape(shape, order="F").ravel().tolist()
+    return column_major

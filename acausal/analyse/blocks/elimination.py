@@ -223,19 +223,19 @@ class _Work:
 
     def _pairs(self, unexamined: set[int]) -> Iterator[tuple[int, tuple[int, ...], tuple[int, ...]]]:
         """(Fill-in, two rows, two columns) of safe 2x2 pivots; in columns with a zero entry a 1x1 pivot would do."""
-        left = _MOST_PAIRS
+        budget = _MOST_PAIRS
         for i in sorted(self.active):
             row = self.rows[i]
             for j in sorted(
                 {j for v in row for j in self.columns[v] if j > i and (i in unexamined or j in unexamined)}
             ):
                 shared = sorted(v for v in row if v in self.rows[j])
-                left -= len(shared) * (len(shared) - 1) // 2
+                budget -= len(shared) * (len(shared) - 1) // 2
                 width = len(row.keys() | self.rows[j].keys()) - 2
                 for a, b in safe_pairs(*([self._values(k, v) for v in shared] for k in (i, j))):
                     v, w = shared[a], shared[b]
                     yield width * (len(self.columns[v] | self.columns[w]) - 2), (i, j), (v, w)
-                if left < 0:
+                if budget < 0:
                     return
 
     def _values(self, i: int, v: int) -> Samples:
@@ -312,12 +312,12 @@ class _Work:
             totals = [self._rest(i, pivot.variables) for i in pivot.rows]
             solved += zip(pivot.variables, pivot.solved(totals), strict=True)
         done = {v for v, _ in solved}
-        left = [i for i in sorted(self.active) if self.rows[i]]
+        unsolved_rows = [i for i in sorted(self.active) if self.rows[i]]
         empty = [(i, self.rests[i]) for i in sorted(self.active) if not self.rows[i]]
         return Eliminated(
             tuple(solved),
             tuple(sorted(self.variables - done)),
-            tuple(self._rest(i, ()) for i in left),
+            tuple(self._rest(i, ()) for i in unsolved_rows),
             tuple(empty),
         )
 

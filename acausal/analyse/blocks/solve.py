@@ -207,12 +207,12 @@ class _Work:
     def _torn(self, block: Block) -> None:
         """Tear a nonlinear block; a row can be solved for a column in which it is linear with a safe coefficient."""
         self._check_rank(block.rows, block.columns)
-        place = {v: k for k, v in enumerate(block.columns)}
+        column_of = {v: k for k, v in enumerate(block.columns)}
         residuals = [self.structure.residuals[r] for r in block.rows]
         if self._solve_monotone(block.columns, residuals):
             return
-        rows = [sorted(place[v] for v in self.pool.variables_in(r) if v in place) for r in residuals]
-        incidence = Incidence.from_rows(rows, len(place))
+        rows = [sorted(column_of[v] for v in self.pool.variables_in(r) if v in column_of) for r in residuals]
+        incidence = Incidence.from_rows(rows, len(column_of))
         cache: dict[tuple[int, int], bool] = {}
 
         def solvable(i: int, k: int) -> bool:

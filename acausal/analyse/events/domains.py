@@ -293,8 +293,8 @@ def _power(pool: Pool, q: list[int]) -> _Extension:
     base, exponent = q
     n = pool.value(exponent)
     odd = pool.mul(base, pool.make("pow", _size(pool, base, _TINY), pool.sub(exponent, pool.one)))
-    whole = n is not None and n == round(n)  # negative, as other integer powers are total
-    defined = _test(pool, "gt", pool.make("fabs", base) if whole else base, _TINY if n is None or n < 0.0 else 0.0)
+    is_integer = n is not None and n == round(n)  # negative, as other integer powers are total
+    defined = _test(pool, "gt", pool.make("fabs", base) if is_integer else base, _TINY if n is None or n < 0.0 else 0.0)
     return defined, [pool.one, None], odd, n is not None and n > 0.0
 
 

@@ -97,7 +97,7 @@ def located_kinks(
         elif op == "where":
             choices.add(relations[-1])
     steep_functions = steep(pool, points, graph.reachable, graph.moves)
-    bursts = any(steep_functions.kinds[place] not in STEPS for _, place in steep_functions.middles)
+    bursts = any(steep_functions.kinds[argument] not in STEPS for _, argument in steep_functions.middles)
     bursts |= any(
         isinstance(kind, float) and kind > 1.0 for kind in steep_functions.kinds
     )  # a high power is a burst by itself

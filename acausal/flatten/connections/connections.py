@@ -81,11 +81,11 @@ def number_of_end(component: Component, number_of: dict[int, int], origin: Origi
     number = number_of.get(id(component))
     if number is None:
         owner = component.__dict__["_owner"]
-        whole = component if owner is None else owner[0]
+        top = component if owner is None else owner[0]
         path = component._path_to("").rstrip(".") or type(component).__name__
         raise DeclarationError(
             "AC131",
-            f"{path} of a {type(whole).__name__} is connected, but that {type(whole).__name__} is no part of the model",
+            f"{path} of a {type(top).__name__} is connected, but that {type(top).__name__} is no part of the model",
             where=(origin.span(),),
             help="declare it with part(), set it in `build`, and write self.<part>",
         )

@@ -55,15 +55,15 @@ def compose(model: Component) -> Composition:
     """
     all_instances, _ = placed(model)
     number_of = numbers(all_instances)
-    made = [
+    connections = [
         (instance.number, item, origin)
         for instance in all_instances
         if not instance.is_leaf
         for item, origin in statements(instance.component)
         if isinstance(item, Connection)
     ]
-    joints(made, number_of)  # raises errors of connections
-    return Composition(all_instances, number_of, made)
+    joints(connections, number_of)  # raises errors of connections
+    return Composition(all_instances, number_of, connections)
 
 
 def stated_equations(component: Component) -> list[tuple[str, str, str]]:

@@ -143,10 +143,10 @@ def _entries(pool: Pool, e: Expr, resolve: Resolve, args: list[Scalars]) -> Scal
 
 
 def _slice(e: Expr, entries: Scalars) -> Scalars:
-    places, _ = e.payload
-    if len(places) == 1:
-        return tuple(entries[k] for k in places[0])
-    first, second = (p if isinstance(p, range) else (p,) for p in places)
+    indices, _ = e.payload
+    if len(indices) == 1:
+        return tuple(entries[k] for k in indices[0])
+    first, second = (p if isinstance(p, range) else (p,) for p in indices)
     width = e.args[0].shape[1]
     return tuple(entries[i * width + j] for i, j in product(first, second))
 

@@ -96,10 +96,13 @@ def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> Declara
             help=f"a value is given where it is made: {cls.__name__}({name}=...); "
             f"an equation is yielded: yield self.{name} == ...",
         )
-    asker = frame.f_locals["self"]
-    whole, around = component._path_to(name), asker._path_to("") if hasattr(asker, "_path_to") else ""
-    path = whole.removeprefix(around)
-    what = f"{type(asker).__name__}.{frame.f_code.co_name} assigns self.{path}"
+    caller = frame.f_locals["self"]
+    full_path, caller_path = (
+        component._path_to(name),
+        caller._path_to("") if hasattr(caller, "_path_to") else "",
+    )
+    path = full_path.removeprefix(caller_path)
+    what = f"{type(caller).__name__}.{frame.f_code.co_name} assigns self.{path}"
     if declared is None:
         return DeclarationError(
             "AC118",

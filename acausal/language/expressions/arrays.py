@@ -60,17 +60,17 @@ def sizes(function: str, *counts: SupportsIndex, before: tuple[str, ...] = ()) -
     `before` are the arguments that precede them in the call, for the message.
     """
     try:
-        whole = tuple(map(index, counts))
+        checked = tuple(map(index, counts))
     except (TypeError, DeclarationError):
-        whole = (0,)
-    if len(counts) > 2 or any(isinstance(n, bool) for n in counts) or min(whole, default=1) < 1:
+        checked = (0,)
+    if len(counts) > 2 or any(isinstance(n, bool) for n in counts) or min(checked, default=1) < 1:
         call = f"{function}({', '.join(map(str, (*before, *counts)))})"
         raise DeclarationError(
             "AC110",
             f"{call}: a size is a whole number of elements",
             help=f"write {function} with sizes of at least 1: 3, or a structural n",
         )
-    return whole
+    return checked
 
 
 def element(e: Expr, k: int, depth: int = 0) -> Expr:
@@ -97,17 +97,17 @@ def element(e: Expr, k: int, depth: int = 0) -> Expr:
     return Operation(e.op, tuple(element(a, k, depth + 1) for a in e.args), (), payload)
 
 
-def _sliced(e: Expr, place: int, depth: int) -> Expr:
-    places, _ = e.payload
-    if len(places) == 1:
-        return element(e.args[0], places[0][place], depth)
-    index = tuple(p[place] if isinstance(p, range) else p for p in places)
+def _sliced(e: Expr, k: int, depth: int) -> Expr:
+    indices, _ = e.payload
+    if len(indices) == 1:
+        return element(e.args[0], indices[0][k], depth)
+    index = tuple(p[k] if isinstance(p, range) else p for p in indices)
     return Operation("index", (e.args[0],), (), index)
 
 
-def one_of(equation: Equation, place: int) -> Equation:
-    """The scalar equation at `place` of an equation between long vectors; any other equation as a whole."""
+def one_of(equation: Equation, k: int) -> Equation:
+    """The scalar equation at `k` of an equation between long vectors; any other equation as a whole."""
     shape = equation.left.shape or equation.right.shape
     if len(shape) != 1 or shape[0] <= _LONGEST_WHOLE:
         return equation
-    return Equation(element(equation.left, place), element(equation.right, place))
+    return Equation(element(equation.left, k), element(equation.right, k))

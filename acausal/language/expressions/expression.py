@@ -177,11 +177,11 @@ class Expr(WithoutForeignOperators):
                 f"`{self}` is a {shape_text(self.shape)}; it has no {shown}",
                 help=f"indices count from 0: [{', '.join(limits)}]" if limits else "use it without an index",
             )
-        places = tuple(range(n)[k] for k, n in zip(key, self.shape, strict=True))
-        if not any(isinstance(p, range) for p in places):
-            return Operation("index", (self,), (), places)
-        shape = tuple(len(p) for p in places if isinstance(p, range))
-        return Operation("slice", (self,), shape, (places, ", ".join(map(_slice_text, key))))
+        selected = tuple(range(n)[k] for k, n in zip(key, self.shape, strict=True))
+        if not any(isinstance(p, range) for p in selected):
+            return Operation("index", (self,), (), selected)
+        shape = tuple(len(p) for p in selected if isinstance(p, range))
+        return Operation("slice", (self,), shape, (selected, ", ".join(map(_slice_text, key))))
 
     if not TYPE_CHECKING:  # else `x[0] = 1.0` would pass a type checker
 

@@ -145,7 +145,7 @@ def _externals(signature: tuple[Any, ...]) -> list[External]:
     return list(dict.fromkeys(op.external for op, *_ in signature[2] if isinstance(op, Call)))
 
 
-def _external(place: int, derivatives: int) -> External:
+def _external(index: int, derivatives: int) -> External:
     """Represents an external function in a file, by its index among those of the flat system, which the reader has."""
     raise NotImplementedError  # `_Reader` resolves it by its method `external`
 
@@ -181,9 +181,9 @@ class _Reader(pickle.Unpickler):
         super().__init__(file)
         self.externals = externals
 
-    def external(self, place: int, derivatives: int) -> External:
+    def external(self, index: int, derivatives: int) -> External:
         """An external function of the reader's flat system, or its partial derivatives of the given order."""
-        function = self.externals[place]
+        function = self.externals[index]
         for _ in range(derivatives):
             function = function.partials
         return function
@@ -278,13 +278,13 @@ def _parts(value: Any, visited: dict[int, Any]) -> Iterator[Any]:
 def _operations(external: External) -> Any:
     """The serialised CasADi function of an external function."""
     try:
-        made = function(external)
-        parts = {f.class_name() for f in (made, *made.find_functions())}
+        built = function(external)
+        parts = {f.class_name() for f in (built, *built.find_functions())}
     except AcausalError as error:
         raise _NoStableContent(external) from error
     if not parts <= _KNOWN_FUNCTIONS:  # Python functions are serialised without their code, libraries as a path
         raise _NoStableContent(external)
-    return made.serialize()
+    return built.serialize()
 
 
 def _function(value: FunctionType) -> tuple[Any, ...]:

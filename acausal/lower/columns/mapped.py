@@ -173,11 +173,11 @@ class _Program:
         for one in stage.few:
             operands = (value[c] > 0.5 if i in one.booleans else value[c] for i, (c,) in enumerate(one.operands))
             value[one.members[0]] = BUILD[one.op](*operands)
-        made = [one.members[0] for one in stage.few]
-        function = ca.Function(f"few{k}", [symbols], [ca.densify(ca.vertcat(*(value[n] for n in made)))])
+        computed = [one.members[0] for one in stage.few]
+        function = ca.Function(f"few{k}", [symbols], [ca.densify(ca.vertcat(*(value[n] for n in computed)))])
         self.operations += int(function.n_instructions())
         self.source[f"few{k}"] = function(self._joined(stage.needed))
-        self.position.update((number, (f"few{k}", i)) for i, number in enumerate(made))
+        self.position.update((number, (f"few{k}", i)) for i, number in enumerate(computed))
 
     def _column(self, name: str, column: Column) -> None:
         operands = [

@@ -221,19 +221,19 @@ class _Search:
                 op = key[0]
                 if len(members) < FEW or op in _SCALAR_ONLY or type(op) is not str:
                     for number in members:
-                        at = self._after(self.operands[number], odd=0)
-                        self.stage[number] = at
-                        self.shape[number] = self._shape(("few", at))
+                        stage_index = self._after(self.operands[number], odd=0)
+                        self.stage[number] = stage_index
+                        self.shape[number] = self._shape(("few", stage_index))
                         below = [[c] for c in self.operands[number]]
-                        few.setdefault(at, []).append(Column(op, [number], below, key[1]))
+                        few.setdefault(stage_index, []).append(Column(op, [number], below, key[1]))
                 else:
-                    at = self._after(self.operands[members[0]], odd=1)
+                    stage_index = self._after(self.operands[members[0]], odd=1)
                     shape = self._shape(("column", d, key))
                     for number in members:
-                        self.stage[number] = at
+                        self.stage[number] = stage_index
                         self.shape[number] = shape
                     below = [list(c) for c in zip(*(self.operands[number] for number in members), strict=True)]
-                    columns.setdefault(at, []).append(Column(op, members, below, key[1]))
+                    columns.setdefault(stage_index, []).append(Column(op, members, below, key[1]))
         last = max((*few, *columns), default=-1)
         return [
             Stage(few.get(k, []), self._outside(few.get(k, []), numbers), columns.get(k + 1, []))

@@ -119,10 +119,10 @@ def order_of(compiled: Lowered, reactions: Any) -> Order:
     is_setter = np.zeros(c + count, dtype=bool)
     is_setter[[owners[a][1] for a in setters]] = True
     level = levels(source, target, is_setter.tolist())
-    places = sorted({owners[a][1] for a in setters})
-    levels_found = [int(v) for v in level[[*range(c, len(level)), *places]]]
+    set_variables = sorted({owners[a][1] for a in setters})
+    levels_found = [int(v) for v in level[[*range(c, len(level)), *set_variables]]]
     rank = {v: k for k, v in enumerate(sorted(set(levels_found)))}
-    own_rank = {p: rank[v] for p, v in zip(places, levels_found[count:], strict=True)}
+    own_rank = {p: rank[v] for p, v in zip(set_variables, levels_found[count:], strict=True)}
     return Order(tuple(rank[v] for v in levels_found[:count]), own_rank)
 
 

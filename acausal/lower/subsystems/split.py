@@ -127,19 +127,19 @@ class _Statements:
     def key(self, e: Extract) -> Any:
         """Key that equal groups share in addition to that of their expressions."""
         group, events = self.group, self.compiled.state_events
-        at = {k: place for place, k in enumerate(group.states)}
+        position_of = {k: index for index, k in enumerate(group.states)}
         return (
             self.discretes,
             tuple(self.compiled.nominal_x[list(group.states)].tolist()),
             tuple(k in events.watched for k in group.relations),
             tuple(
-                (len(c.conditions), len(c.earlier), tuple(at[k] for k, _ in c.actions), c.terminate is None)
+                (len(c.conditions), len(c.earlier), tuple(position_of[k] for k, _ in c.actions), c.terminate is None)
                 for c in self.clauses
             ),
-            tuple(at[a.position] for a in self.assignments),
+            tuple(position_of[a.position] for a in self.assignments),
             tuple(a.level for a in self.asserts),
             self.steep(e),
-            *(tuple(place for place, _ in self.shared(e, nodes)) for nodes in self._shared_nodes),
+            *(tuple(index for index, _ in self.shared(e, nodes)) for nodes in self._shared_nodes),
         )
 
     @property
@@ -151,18 +151,18 @@ class _Statements:
     def shared(e: Extract, nodes: Sequence[int]) -> list[tuple[int, int]]:
         """(Index in the extract, index among `nodes`) of those nodes that a group contains."""
         number = {n: k for k, n in enumerate(nodes)}
-        return [(place, number[n]) for place, n in enumerate(e.nodes) if n in number]
+        return [(index, number[n]) for index, n in enumerate(e.nodes) if n in number]
 
     def steep(self, e: Extract) -> Steep:
         """The steep functions of the whole model that are in the group, by indices in the extract."""
-        whole, place = self.compiled.narrow, {n: k for k, n in enumerate(e.nodes)}
-        indices = [j for j, n in enumerate(whole.arguments) if n in place]
+        whole, index_of = self.compiled.narrow, {n: k for k, n in enumerate(e.nodes)}
+        indices = [j for j, n in enumerate(whole.arguments) if n in index_of]
         number = {j: k for k, j in enumerate(indices)}
         return Steep(
-            tuple(place[whole.arguments[j]] for j in indices),
+            tuple(index_of[whole.arguments[j]] for j in indices),
             tuple(whole.kinds[j] for j in indices),
-            tuple((place[w], number[j]) for w, j in whole.middles if j in number),
-            tuple((place[n], tuple(number[j] for j in places)) for n, places in whole.functions if n in place),
+            tuple((index_of[w], number[j]) for w, j in whole.middles if j in number),
+            tuple((index_of[n], tuple(number[j] for j in places)) for n, places in whole.functions if n in index_of),
         )
 
     def timely(self, e: Extract) -> tuple[list[int], list[int], list[int]]:
@@ -216,7 +216,7 @@ class _Kind:
         states = tuple(number[v] for v in whole.variables)
         pool.derivative_of = {number[x]: number[dx] for x, dx in zip(whole.variables, whole.rates, strict=True)}
         pool.integral_of = {dx: x for x, dx in pool.derivative_of.items()}
-        definitions = tuple((v, self.node[place]) for v, place in e.definitions)
+        definitions = tuple((v, self.node[index]) for v, index in e.definitions)
         old = compiled.solution.structure
         flat = replace(old.reduced.flat, parameters=(), inputs=(), parameter_values=(0.0,) * len(self.holes))
         flat.__dict__["parameter_names"] = tuple(f"number {k}" for k in range(len(self.holes)))
@@ -273,7 +273,7 @@ class _Kind:
     def _events(self, e: Extract, whole: _Statements, node: dict[int, int]) -> StateEvents:
         events, group = whole.compiled.state_events, whole.group
         _, samples, flags = whole.timely(e)
-        at = {k: place for place, k in enumerate(group.states)}
+        position_of = {k: index for index, k in enumerate(group.states)}
 
         def nodes(numbers: Sequence[int]) -> tuple[int, ...]:
             return tuple(node[n] for n in numbers)
@@ -289,13 +289,13 @@ class _Kind:
                     c,
                     conditions=nodes(c.conditions),
                     earlier=nodes(c.earlier),
-                    actions=tuple((at[k], node[v]) for k, v in c.actions),
+                    actions=tuple((position_of[k], node[v]) for k, v in c.actions),
                 )
                 for c in whole.clauses
             ),
-            tuple(replace(a, position=at[a.position], node=node[a.node]) for a in whole.assignments),
+            tuple(replace(a, position=position_of[a.position], node=node[a.node]) for a in whole.assignments),
             tuple(replace(a, condition=node[a.condition]) for a in whole.asserts),
-            frozenset(place for place, k in enumerate(group.relations) if k in events.watched),
+            frozenset(index for index, k in enumerate(group.relations) if k in events.watched),
         )
 
     def subsystem(self, whole: _Statements, e: Extract) -> Subsystem:
