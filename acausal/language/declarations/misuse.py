@@ -97,10 +97,8 @@ def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> Declara
             f"an equation is yielded: yield self.{name} == ...",
         )
     caller = frame.f_locals["self"]
-    full_path, caller_path = (
-        component._path_to(name),
-        caller._path_to("") if hasattr(caller, "_path_to") else "",
-    )
+    full_path = component._path_to(name)
+    caller_path = caller._path_to("") if hasattr(caller, "_path_to") else ""
     path = full_path.removeprefix(caller_path)
     what = f"{type(caller).__name__}.{frame.f_code.co_name} assigns self.{path}"
     if declared is None:

@@ -106,7 +106,7 @@ def _sliced(e: Expr, k: int, depth: int) -> Expr:
 
 
 def one_of(equation: Equation, k: int) -> Equation:
-    """The scalar equation at `k` of an equation between long vectors; any other equation as a whole."""
+    """Scalar equation `k` of an equation between long vectors; any other equation as a whole."""
     shape = equation.left.shape or equation.right.shape
     if len(shape) != 1 or shape[0] <= _LONGEST_WHOLE:
         return equation
