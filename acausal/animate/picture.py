@@ -6,6 +6,7 @@ import io
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acausal.animate.meshes import Array
 from acausal.animate.scene import Node, Scene, corners, worth_seeing
@@ -71,7 +72,11 @@ def _limits(scene: Scene) -> tuple[Array, Array]:
 
 
 def _draw(axes: Any, scene: Scene, row: int) -> None:
-    """Draw all triangles in one collection, so that those in front hide the others; lit from the upper left."""
+    """Draw all triangles in one collection, so that those in front hide the others; lit from the upper left.
+
+    Triangles seen from behind are left out, as in the page. They would not be hidden: triangles are sorted by the
+    distance of their middles, and of a large plate one below may be nearer than one above.
+    """
     from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -82,6 +87,7 @@ def _draw(axes: Any, scene: Scene, row: int) -> None:
             continue
         for piece in node.pieces:
             found = _placed(scene, node, row, piece.mesh.positions)[piece.mesh.triangles]
+            found = found[facing(found, axes.get_proj())]
             normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
             length = np.linalg.norm(normals, axis=1)
             bright = 0.55 + 0.45 * np.maximum(0.0, normals @ lamp / np.where(length > 0.0, length, 1.0))
@@ -91,3 +97,11 @@ def _draw(axes: Any, scene: Scene, row: int) -> None:
             colors.append(rgba)
     faces = Poly3DCollection(np.concatenate(triangles), facecolors=np.concatenate(colors), linewidths=0)
     axes.add_collection3d(faces)
+
+
+def facing(triangles: Array, projection: Array) -> NDArray[np.bool_]:
+    """Which triangles, shape (n, 3, 3), turn to the viewer the side around which their corners go to the left."""
+    from mpl_toolkits.mplot3d.proj3d import proj_transform
+
+    x, y, _ = (np.asarray(v).reshape(-1, 3).T for v in proj_transform(*triangles.reshape(-1, 3).T, projection))
+    return np.asarray((x[1] - x[0]) * (y[2] - y[0]) > (x[2] - x[0]) * (y[1] - y[0]))

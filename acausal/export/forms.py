@@ -63,6 +63,8 @@ def check(compiled: CompiledModel, form: Form, outputs: Sequence[Output]) -> tup
         ends = (c for c in events.clauses if c.terminate is not None)
         notes += [f"{name} does not end the run: {c.text} ({c.where})" for c in ends]
         notes += [f"{name} does not check the assertion: {a.message} ({a.where})" for a in events.asserts]
+        looking = sorted({cls.__name__ for cls in compiled.flat.reviewing.values()})
+        notes += [f"{name} does not look back on what {cls} has done, as simulate does" for cls in looking]
         constrained = (compiled.solution.structure.reduced.name(v) for v in switched_dependents(compiled.solution))
         notes += [
             f"{name} does not check for jumps of {v}, whose constraint changes at events (AC507)" for v in constrained

@@ -18,6 +18,7 @@ from acausal.language.declarations.misuse import Declared
 from acausal.language.events import Assertion, When
 from acausal.language.expressions.arrays import one_of
 from acausal.language.expressions.expression import Equation, Symbol, equation_text, symbols_in
+from acausal.language.review import Reviewing, is_reviewing
 from acausal.language.statement import Origin
 
 
@@ -220,6 +221,14 @@ class FlatSystem:
             for k in range(v.first, v.first + v.size):
                 owners.setdefault(k, v)
         return owners
+
+    @cached_property
+    def reviewing(self) -> dict[str, type[Reviewing]]:
+        """Classes of the components that look back on runs, by path."""
+        classes: dict[type, type[Reviewing]] = {
+            cls: cls for cls in {c.cls for c in self.components.values()} if is_reviewing(cls)
+        }
+        return {path: classes[c.cls] for path, c in self.components.items() if c.cls in classes} if classes else {}
 
     def declaration(self, scalar: int) -> Declaration:
         """Declaration of a scalar; of the integrated variable for a derivative."""

@@ -27,6 +27,7 @@ from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import Options, options, parameter_vector
 from acausal.simulate.record.pivots import without_lost_pivots
 from acausal.simulate.restructure.restructure import Pieces, RunPiece
+from acausal.simulate.review import reviews
 from acausal.simulate.start.initialize import Start
 
 _log = logging.getLogger(__name__)
@@ -115,8 +116,11 @@ def simulate(
         return accurate
     opts = options(compiled.flat.experiment, **given)
     result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
-    remarks = unheard_parameters(compiled.flat, values) if values else ()
-    return _with_remarks(result, (*remarks, *_start_remarks(result, discrete_starts(compiled, start) if start else {})))
+    remarks = list(unheard_parameters(compiled.flat, values) if values else ())
+    remarks += _start_remarks(result, discrete_starts(compiled, start) if start else {})
+    if reviewing := compiled.flat.reviewing:
+        remarks += reviews(reviewing, result, {v.path: v.first for v in compiled.flat.variables})
+    return _with_remarks(result, remarks)
 
 
 def _start_remarks(result: Result, starts: Mapping[str, float]) -> list[str]:

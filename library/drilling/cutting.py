@@ -41,7 +41,9 @@ class PartialCuttingForce(Component):
     z_E: Real = parameter(default=2.0, unit="1", min=1.0, doc="Number of cutting edges")
     k_c11: Real = parameter(unit="Pa", min=0.0, doc="Specific cutting force at h = b = 1 mm")
     z: Real = parameter(unit="1", min=0.0, max=1.0, doc="Exponent of the chip thickness")
-    h_min: Real = parameter(default=1e-6, unit="m", min=1e-15, doc="Chip thickness below which k_c stays constant")
+    h_min: Real = parameter(
+        default=1e-6, unit="m", min=1e-15, max=1e-3, doc="Chip thickness below which k_c stays constant"
+    )
     h_1: Real = parameter(default=1e-3, unit="m", min=0.0, doc="Chip thickness that k_c11 refers to")
     feed_force_factor: Real = parameter(default=lambda self: sin(self.sigma), unit="1", min=0.0, doc="F_f / F_c")
     omega_1: Real = parameter(

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from acausal import (
     Equations,
     Real,
+    Result,
     assert_,
     connect,
-    der,
-    dot,
     initial,
     maximum,
     no_event,
     parameter,
     part,
-    quantity,
     signal_output,
     structural,
     where,
@@ -22,6 +22,7 @@ from acausal import (
 from acausal.library.drilling.depth import DrillDepthCalculation
 from acausal.library.drilling.force import DrillContactForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
+from acausal.library.drilling.review import review
 
 
 class DrillingForce(PartialDrillingForce):
@@ -32,7 +33,6 @@ class DrillingForce(PartialDrillingForce):
     """
 
     as_printed: bool = structural(default=False, doc="Contact force by equation (21) instead of (20)")
-    wanders: bool = structural(default=False, doc="Whether a scene makes other forces for other holes")
     k: Real = parameter(unit="N/m", min=0.0, nominal=1e8, doc="Stiffness of the contact")
     d_c: Real = parameter(unit="N.s/m", min=0.0, nominal=1e4, doc="Damping of the contact")
     s_start: Real = parameter(default=0.0, unit="m", min=0.0, doc="Depth of the hole at the start")
@@ -89,22 +89,11 @@ class DrillingForce(PartialDrillingForce):
             ~initial() | no_event(outside),
             f"the drill starts inside {self.level.name}: move it back, or give it a hole with s_start",
         )
-        if not self.wanders:
-            yield from self._keeps_to_its_hole()
 
-    def _keeps_to_its_hole(self) -> Equations:
-        geometry = self.geometry
-        aside = der(geometry.tip) - geometry.axis * self.v_axial
-        free = no_event((self.s < 0) & (self.s_tar > self.s_start + self.d / 100))
-        # Raised when the drill moves sideways rather than when it enters again, which would take states for the
-        # position of the first hole. It is a single relation, so that it vanishes where a drill cannot move sideways.
-        yield assert_(
-            where(free, dot(aside, aside), quantity(0.0, "m2/s2")) < _ASIDE**2,
-            f"AC194: the drill is moved sideways above its hole in {self.level.name}, but this force has only one "
-            "hole, wherever the drill enters: elsewhere there is no force down to the depth of the first; a DrillBody "
-            "of a ContactScene makes new holes",
-            level="warning",
-        )
+    @staticmethod
+    def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> Sequence[str]:
+        """Notes on drills beside their holes (AC194), and on holes that overlap (AC192)."""
+        return review(run, paths, scalars)
 
     def powers(self) -> Equations:
         """Distribution of the power thrust * v_axial + braking * omega supplied through the two frames.
@@ -121,7 +110,3 @@ class DrillingForce(PartialDrillingForce):
         # The depth of a tilted tip also changes when it slides along the face.
         along = self.thrust * (v_ground + self.v_axial - geometry.v)
         yield self.power_cutting == along + force.braking() * geometry.omega
-
-
-_ASIDE = quantity(5e-3, "m/s")
-"""Velocity across the axis above which a drill counts as moved elsewhere; below, it may swing on a soft machine."""

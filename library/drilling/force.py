@@ -8,6 +8,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    assert_,
     guess,
     maximum,
     minimum,
@@ -77,6 +78,11 @@ class DrillContactForce(PartialCuttingForce):
         return self.F_N
 
     def equations(self) -> Equations:
+        yield assert_(
+            self.z <= _STEEPEST,
+            f"the exponent z of the cutting force is above {_STEEPEST}: pressed onto the point of its cone, a drill "
+            "would be fed faster than numbers tell; those of metals are below 0.5",
+        )
         engaged = self.d_O - self.d_I
         v_tar = self.z_E * self.n * self.f_z  # (17), (18)
         # The contact with the bottom is located as an event: the bottom stays while a drill is drawn back, and a solver
@@ -93,3 +99,7 @@ class DrillContactForce(PartialCuttingForce):
         """Indentation force [N] of an edge that is pressed in."""
         outer, inner = minimum(self.d_O, self.d_indent), minimum(self.d_I, self.d_indent)
         return self.p_indent * (math.pi / 4) * (outer**2 - inner**2)
+
+
+_STEEPEST = 0.6
+"""Exponent above which the feed at a touch with 0.1 m/s, on `w_min`, is beyond 1e14 m."""

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.library.drilling.tool import Tool
 from acausal.library.multibody.orientation import across
 
 Array = NDArray[np.float64]
 _ROUNDING = 1e-9
 """Distance [m] by which an entry may lie in front of a face."""
+ALONG = math.cos(0.1)
+"""Cosine of the angle between two axes beyond which they belong to different holes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +22,8 @@ class Hole:
     """A hole with a conical bottom, in the axes of the workpiece; lengths in m."""
 
     drill: str
-    tool: Tool
+    d: float
+    sigma: float
     entry: Array
     axis: Array
     depth: float
@@ -46,12 +48,12 @@ class Hole:
     @property
     def _reach(self) -> float:
         """Radius [m] of a ball around the middle that contains the hole."""
-        return (self.inside + self.tool.d) / 2
+        return (self.inside + self.d) / 2
 
     def _radius(self, along: Array) -> Array:
         """Radius [m] at distances from the entry; shape (n,)."""
-        cone = (self.depth - along) * math.tan(self.tool.sigma / 2)
-        return np.asarray(np.clip(cone, 0.0, self.tool.d / 2))
+        cone = (self.depth - along) * math.tan(self.sigma / 2)
+        return np.asarray(np.clip(cone, 0.0, self.d / 2))
 
     def _points(self) -> Array:
         """Points of wall and axis; shape (3, n)."""

@@ -50,9 +50,9 @@ class PartialDrillingForce(Component):
     material: Material = structural(default=STEEL_34CRMO4, doc="Record that gives k_c11, z")
     axis_a: Vector = structural(default=(0.0, 0.0, 1.0), doc="Direction from shank to tip, resolved in frame_a")
     level: PlateLevel | ConvexLevel = structural(default=PlateLevel(), doc="Level of detail of the geometry")
-    d: Real = parameter(default=lambda self: self.tool.d, unit="m", min=0.0, doc="Diameter of the drill")
+    d: Real = parameter(default=lambda self: self.tool.d, unit="m", min=1e-6, max=10.0, doc="Diameter of the drill")
     sigma: Real = parameter(
-        default=lambda self: self.tool.sigma, unit="rad", min=0.0, max=math.pi, doc="Point angle of the drill"
+        default=lambda self: self.tool.sigma, unit="rad", min=0.01, max=math.pi, doc="Point angle of the drill"
     )
     z_E: Real = parameter(default=lambda self: float(self.tool.z_E), unit="1", min=1.0, doc="Number of cutting edges")
     length: Real = parameter(default=0.0, unit="m", doc="Distance from frame_a to the tip along the axis")
@@ -62,7 +62,9 @@ class PartialDrillingForce(Component):
     z: Real = parameter(
         default=lambda self: self.material.z, unit="1", min=0.0, max=1.0, doc="Exponent of the chip thickness"
     )
-    h_min: Real = parameter(default=1e-6, unit="m", min=1e-15, doc="Chip thickness below which k_c stays constant")
+    h_min: Real = parameter(
+        default=1e-6, unit="m", min=1e-15, max=1e-3, doc="Chip thickness below which k_c stays constant"
+    )
     K_rake: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for the rake angle")
     K_wear: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for wear")
     K_speed: Real = parameter(default=1.0, unit="1", min=0.0, doc="Correction of k_c for the cutting speed")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -19,7 +18,7 @@ from acausal.library.drilling.drilling_force import DrillingForce
 from acausal.library.drilling.flank import GuidedDrillingForce
 from acausal.library.drilling.full_drilling_force import FullDrillingForce
 from acausal.library.drilling.geometry_convex import ConvexLevel, shank_along_z
-from acausal.library.drilling.holes import Hole, named
+from acausal.library.drilling.holes import ALONG, Hole, named
 from acausal.library.drilling.materials import STEEL_34CRMO4, Material
 from acausal.library.drilling.tool import TWIST_DRILL_16MM, Tool
 from acausal.library.multibody.frames import Frame
@@ -53,7 +52,8 @@ class WorkpieceBody(ContactBody):
         assert isinstance(trace.maker, DrillBody), "only drills leave traces on a workpiece"
         entry, axis = trace.place
         first, last, _ = _crossed(self, entry, axis)
-        return Hole(trace.maker.name, trace.maker.tool, entry, axis, trace.size, min(trace.size, first - last))
+        tool, inside = trace.maker.tool, min(trace.size, first - last)
+        return Hole(trace.maker.name, tool.d, tool.sigma, entry, axis, trace.size, inside)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,7 +118,6 @@ class DrillBody(ContactBody):
             length=self.tip,
             k=self.k,
             d_c=self.d_c,
-            wanders=self.wanders,
             **dict(self.settings),  # type: ignore[arg-type]
         )
 
@@ -148,7 +147,7 @@ class DrillBody(ContactBody):
         if holes and depth > 0 and not beside:
             holes[current] = here  # an engaged drill cannot leave its hole sideways
             return holes, current
-        off = [np.linalg.norm(np.cross(h[0] - tip, axis)) + self.tool.d * (h[1] @ axis < _ALONG) for h in holes]
+        off = [np.linalg.norm(np.cross(h[0] - tip, axis)) + self.tool.d * (h[1] @ axis < ALONG) for h in holes]
         if off and min(off) < self.tool.d / 4:
             return holes, int(np.argmin(off))
         if holes and not marked:
@@ -161,7 +160,3 @@ def _crossed(workpiece: ContactBody, point: Array, axis: Array) -> tuple[float, 
     """Depths [m] of a point behind entry and exit of a line, and whether the line misses the workpiece."""
     depth, beyond, beside, _ = crossing_function(workpiece.shape)(point, axis)
     return float(depth), float(beyond), bool(beside > 0.5)
-
-
-_ALONG = math.cos(0.1)
-"""Cosine of the angle between two axes beyond which they belong to different holes."""

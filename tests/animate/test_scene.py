@@ -19,6 +19,7 @@ import acausal
 from acausal import Component, Equations, connect, fixed, part
 from acausal.animate.looks import Part, Piece, Rigid, look_of
 from acausal.animate.meshes import box
+from acausal.animate.picture import facing
 from acausal.animate.scene import Node, Scene
 from acausal.errors import UsageError
 from acausal.library.multibody import Body, BodyBox, Prismatic, Revolute, Spring, World
@@ -253,3 +254,17 @@ def test_a_moving_picture_without_a_browser(swing: acausal.Result, tmp_path: Pat
         frames = [np.asarray(frame.convert("RGB")).astype(int) for frame in ImageSequence.Iterator(picture)]
     assert len(frames) > 3
     assert np.abs(frames[0] - frames[-1]).max() > 50
+
+
+def test_a_moving_picture_shows_three_faces_of_a_box_and_hides_none_of_them() -> None:
+    """A flat box from above: drawn with those behind, one of its bottom hid half of its top."""
+    from matplotlib.figure import Figure
+
+    axes: Any = Figure().add_axes((0.0, 0.0, 1.0, 1.0), projection="3d")
+    axes.view_init(elev=18, azim=-60)
+    mesh = box((1.0, 1.0, 0.1))
+    corners = mesh.positions[mesh.triangles]
+    seen = facing(corners, axes.get_proj())
+    normals = {tuple(n) for n in np.cross(corners[seen, 1] - corners[seen, 0], corners[seen, 2] - corners[seen, 0])}
+    assert {tuple(np.sign(n).astype(int).tolist()) for n in normals} == {(0, 0, 1), (1, 0, 0), (0, -1, 0)}
+    assert not facing(corners[:, ::-1], axes.get_proj())[seen].any()

@@ -24,6 +24,23 @@ def test_a_plate_without_thickness_is_refused_with_its_name(t: float) -> None:
     assert caught.value.code == "AC136"
 
 
+@pytest.mark.parametrize(("name", "value"), [("d", math.inf), ("d", 0.0), ("sigma", 0.0), ("h_min", math.inf)])
+def test_a_drill_that_is_none_is_refused_with_its_name(name: str, value: float) -> None:
+    """Each of them drilled without any force, or with that of a flat face as wide as the world."""
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(ThickBlock(), parameters={f"drill.{name}": value})
+    assert caught.value.code == "AC136"
+    assert f"drill.{name} = {value:g}" in caught.value.fact
+
+
+def test_an_exponent_without_a_solution_is_refused_with_its_name() -> None:
+    """Instead of a run that ends at its touch, after minutes."""
+    for model, values in ((ThickBlock(), {"drill.z": 0.61}), (ForceControlledDrilling(), {"z": 0.7})):
+        with pytest.raises(AcausalError) as caught:
+            acausal.simulate(model, parameters=values)
+        assert "the exponent z of the cutting force is above 0.6" in str(caught.value)
+
+
 def test_a_plate_without_thickness_in_a_constructor() -> None:
     class Flat(ThickBlock):
         """The scene with a plate of a thickness of its own."""

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, fixed, part
+from acausal import Component, Equations, Result, connect, fixed, part, structural
 from acausal.library.blocks import TimeTable
 from acausal.library.contact import Box, Sphere
 from acausal.library.contact.scene.bodies import PoseValue, Trace
 from acausal.library.drilling import TWIST_DRILL_16MM, DrillBody, DrillingForce, WorkpieceBody
-from acausal.library.multibody import Prismatic, Revolute, World, axis_rotation
+from acausal.library.multibody import FixedTranslation, Prismatic, Revolute, World, axis_rotation
 from acausal.library.rotational import Speed
 from acausal.library.translational import Position
+from acausal.result.result import Signal
+from tests.marks import slow_but
 
 DOWN, UP = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 CONE = TWIST_DRILL_16MM.d / 2 / math.tan(TWIST_DRILL_16MM.sigma / 2)
@@ -103,7 +105,7 @@ def test_pose_of_the_shape_counts() -> None:
 
 
 class Gantry(Component):
-    """A drill that comes from the side, drills 3 mm deep, and goes 30 mm aside to do it again, without a scene."""
+    """A drill that comes from the side, drills 3 mm deep, and goes 4.1 mm aside to do it again, without a scene."""
 
     world: World = part()
     beam: Prismatic = part()
@@ -121,7 +123,7 @@ class Gantry(Component):
         self.beam, self.slide = Prismatic(n=(1.0, 0.0, 0.0)), Prismatic(n=DOWN)
         self.spindle = Revolute(n=DOWN, phi=fixed(0.0))
         self.drill = DrillingForce(t=0.05, k=1e8, d_c=2e4)
-        self.across = TimeTable(table=((0.0, -0.02), (1.0, 0.0), (4.0, 0.0), (5.0, 0.03), (7.0, 0.03)))
+        self.across = TimeTable(table=((0.0, -0.02), (1.0, 0.0), (4.0, 0.0), (5.0, 0.0041), (7.0, 0.0041)))
         self.down = TimeTable(table=((0.0, -1e-3), (1.0, -1e-3), (3.0, 3e-3), (4.0, -1e-3), (5.0, -1e-3), (7.0, 3e-3)))
         self.beam_drive, self.feed_drive = Position(), Position()
         self.speed = Speed(w_ref=2 * math.pi * 9.28)
@@ -138,11 +140,95 @@ class Gantry(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
-def test_a_force_that_has_one_hole_tells_where_it_is_moved_to_another_place() -> None:
-    """Once, at 4 s, and not on the way to the first hole: the second is met without force, the first is as deep."""
-    r = acausal.simulate(Gantry(), stop_time=7.0)
+def test_a_force_that_has_one_hole_tells_where_it_comes_down_beside_it() -> None:
+    """However slow it was on the way, and with one output a second; 1 mm above the plate it comes down at 5.5 s."""
+    r = acausal.simulate(Gantry(), stop_time=7.0, output_interval=1.0)
     assert r.at(3.0, "drill.thrust") > 3000.0
-    assert r.at(6.9, "drill.thrust") == 0.0
     notes: tuple[str, ...] = r.stats["notes"]  # type: ignore[assignment]
     (told,) = [n for n in notes if "AC194" in n]
-    assert told.startswith("t = 4 s: drill: AC194")
+    assert told.startswith("t = 5.50000015 s: drill: AC194: the drill comes down 4.1 mm beside its hole")
+
+
+def recorded(rows: list[tuple[float, float]], tilt: float = 0.0) -> Result:
+    """A run of a drill of 16 mm, upright but in the last row, with a row (place along x, depth of the tip) a second."""
+    x, s = (np.array(v) for v in zip(*rows, strict=True))
+    zero, ground = np.zeros(len(s)), np.maximum(np.maximum.accumulate(s), 0.0)
+    lean = np.where(np.arange(len(s)) < len(s) - 1, 0.0, tilt)
+    columns = {
+        **{"s": s, "s_tar": ground, "geometry.s_exit": s - 0.05, "d": zero + 0.016, "sigma": zero + math.radians(118)},
+        **{f"geometry.tip[{k}]": v for k, v in enumerate((x + s * np.sin(lean), zero, s * np.cos(lean)))},
+        **{f"geometry.axis[{k}]": v for k, v in enumerate((np.sin(lean), zero, np.cos(lean)))},
+    }
+    signals = {f"drill.{name}": Signal(f"drill.{name}", column=k) for k, name in enumerate(columns)}
+    return Result("Recorded", np.arange(len(s), dtype=float), np.stack(list(columns.values()), axis=1), signals)
+
+
+@pytest.mark.parametrize(
+    ("rows", "tilt", "told"),
+    [
+        pytest.param([(0.0, -1e-3), (0.0, 3e-3), (0.03, -1e-3), (0.03, 1e-6)], 0.0, "comes down 30 mm", id="elsewhere"),
+        pytest.param([(0.0, 3e-3), (0.0039, -1e-3), (0.0039, 1e-3)], 0.0, "", id="less than a quarter of 16 mm"),
+        pytest.param([(0.0, 3e-3), (0.03, -1e-3), (0.0, 4e-3)], 0.0, "", id="to and fro in the air"),
+        pytest.param([(0.0, 1e-5), (0.03, -1e-3), (0.03, 4e-3)], 0.0, "", id="touched there and drilled here"),
+        pytest.param([(0.0, 3e-3), (0.01, 3e-3)], 0.0, "is moved 10 mm", id="within the hole"),
+        pytest.param([(0.0, 3e-3), (0.0, -1e-3), (0.0, 1e-3)], 0.2, "comes down across its hole", id="inclined"),
+        pytest.param([(0.0, 3e-3), (0.0, -1e-3), (0.0, 1e-3)], 0.05, "", id="a little inclined"),
+    ],
+)
+def test_where_a_drill_is_beside_its_hole(rows: list[tuple[float, float]], tilt: float, told: str) -> None:
+    notes = DrillingForce.review(recorded(rows, tilt), ["drill"], {})
+    assert len(notes) == bool(told)
+    assert all(f"drill: AC194: the drill {told}" in n for n in notes)
+
+
+class Side(Component):
+    """Two drills of 16 mm, side by side, under one force each, in one plate and without a scene."""
+
+    apart: float = structural(default=0.015, doc="Distance of the axes [m]")
+
+    world: World = part()
+    slides: list[Prismatic] = part()
+    spindles: list[Revolute] = part()
+    places: list[FixedTranslation] = part()
+    drills: list[DrillingForce] = part()
+    feeds: list[Position] = part()
+    speeds: list[Speed] = part()
+    down: TimeTable = part()
+
+    def build(self) -> None:
+        self.world = World(g=0.0)
+        self.places = [FixedTranslation(r=(x, 0.0, 0.0)) for x in (0.0, self.apart)]
+        self.slides = [Prismatic(n=DOWN) for _ in self.places]
+        self.spindles = [Revolute(n=DOWN, phi=fixed(0.0)) for _ in self.places]
+        self.drills = [DrillingForce(t=0.05, k=1e8, d_c=2e4) for _ in self.places]
+        self.down = TimeTable(table=((0.0, -1e-3), (3.0, 8e-3)))
+        self.feeds = [Position() for _ in self.places]
+        self.speeds = [Speed(w_ref=2 * math.pi * 9.28) for _ in self.places]
+
+    def equations(self) -> Equations:
+        parts = self.places, self.slides, self.spindles, self.drills, self.feeds, self.speeds
+        for place, slide, spindle, drill, feed, speed in zip(*parts, strict=True):
+            yield connect(self.world.frame_b, place.frame_a, drill.frame_w)
+            yield connect(place.frame_b, slide.frame_a)
+            yield connect(slide.frame_b, spindle.frame_a)
+            yield connect(spindle.frame_b, drill.frame_a)
+            yield connect(self.down.y, feed.s_ref)
+            yield connect(feed.flange, slide.axis)
+            yield connect(speed.flange, spindle.axis)
+
+
+@pytest.mark.parametrize(("apart", "is_told"), slow_but([(0.0159, True), (0.0161, False)], (0.0159, True)))
+def test_holes_of_forces_outside_of_scenes_are_told_where_they_overlap(apart: float, is_told: bool) -> None:
+    r = acausal.simulate(Side(apart=apart), stop_time=3.0)
+    notes: tuple[str, ...] = r.stats["notes"]  # type: ignore[assignment]
+    told = [n for n in notes if "AC192: holes of drills[0] and drills[1] overlap, 15.9 mm apart" in n]
+    assert len(told) == is_told == any("AC192" in n for n in notes)
+
+
+def test_forces_that_share_no_workpiece_have_holes_in_one_place() -> None:
+    """Two scenes in one model, each with a world of its own, as a model and its variant: BreakthroughSurge."""
+    rows = recorded([(0.0, 3e-3), (0.0, 4e-3)])
+    signals = {name.replace("drill", own): s for own in ("a", "b") for name, s in rows.signals.items()}
+    two = Result("Two", rows.time, rows.matrix, signals)
+    for frames, told in (({"a.frame_w.r_0": 0, "b.frame_w.r_0": 3}, 0), ({"a.frame_w.r_0": 0, "b.frame_w.r_0": 0}, 1)):
+        assert len(DrillingForce.review(two, ["a", "b"], frames)) == told

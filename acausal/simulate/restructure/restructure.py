@@ -27,6 +27,7 @@ from acausal.flatten.instances.instances import changing, placed
 from acausal.flatten.parameters import check_overrides
 from acausal.language.choices import Choice, is_reporting
 from acausal.language.component import Component
+from acausal.language.review import Reviewing
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
 from acausal.result.result import Event, Result
@@ -37,6 +38,7 @@ from acausal.simulate.options import Options
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.restructure.joined import Joined, Piece, all_renamed, renamed
 from acausal.simulate.restructure.structures import Watch, named, structure
+from acausal.simulate.review import reviews
 from acausal.simulate.start.initialize import Start
 
 Array = NDArray[np.float64]
@@ -177,6 +179,7 @@ class Pieces:
     compiled: CompiledModel | None = None
     compilations: int = 0
     timings: dict[str, float] = field(default_factory=dict)
+    reviewing: dict[str, type[Reviewing]] = field(default_factory=dict)
 
     def result(self) -> Result:
         """Run, and join the pieces to one result."""
@@ -234,6 +237,8 @@ class Pieces:
         """Compile the model with the current choices."""
         self.compiled, timings = structure(self.recipe, self.present(), self.choices)
         self.compilations += 1
+        names = _labels(self.choices)
+        self.reviewing |= {renamed(path, names): cls for path, cls in self.compiled.flat.reviewing.items()}
         for name, seconds in timings.items():
             self.timings[name] = self.timings.get(name, 0.0) + seconds
 
@@ -328,4 +333,4 @@ class Pieces:
         notes: list[str] = []
         for path, choice in self.choices.items():
             notes += choice.remarks(lambda name, path=path: largest(named(path, name)))  # type: ignore[misc]
-        return notes
+        return notes + reviews(self.reviewing, joined, {})

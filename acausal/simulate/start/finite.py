@@ -17,6 +17,10 @@ from acausal.simulate.equations.function_cache import functions_of
 
 Leaves = Mapping[str, Callable[[int], Any]]
 
+_TOO_FEW_STEPS = (
+    "Newton's method inside the equations takes more steps for it than were counted for the parameters with which the "
+    "model was compiled: compile it with those of the run"
+)
 UNDEFINED = "a division by zero, or a root or logarithm of a negative number"
 _WORDS = {
     "div": "it divides by `{}`, which is",
@@ -65,9 +69,9 @@ def first_undefined(
         known[variable] = value
         if not np.isfinite(value):
             equation = reduced.flat.equations[solution.structure.flat_equation(rows[variable][0])]
-            return Undefined(
-                reduced.name(variable), equation, _inside(reduced, node, leaves), *_reason(reduced, node, leaves)
-            )
+            is_searched = any(m.variable == variable for m in solution.monotone)
+            why = (_TOO_FEW_STEPS, None) if is_searched else _reason(reduced, node, leaves)
+            return Undefined(reduced.name(variable), equation, _inside(reduced, node, leaves), *why)
     return _constant(compiled, p)
 
 

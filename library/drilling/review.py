@@ -1,0 +1,105 @@
+"""What drills leave in a run: holes that overlap, and drills that come down beside the hole that they have cut.
+
+A drilling force has one hole, whose ground is its state. Its place would take more states; the record of a run has it.
+The relation of the touch is located, so there is a row at each entry, however far apart the outputs are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal import Result
+from acausal.library.drilling.holes import ALONG, Hole, named
+
+Array = NDArray[np.float64]
+_SIGNALS = ("s", "s_tar", "d", "sigma", "geometry.s_exit", "geometry.tip", "geometry.axis")
+_CUT = 0.01
+"""Depth of a hole over the diameter below which the tip has only touched."""
+_THIN = 1e-7
+"""Layer [m] at the end of a hole that counts for none: plates that lie on each other have a face in common."""
+
+
+def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> list[str]:
+    """Notes AC194 of single drilling forces, and AC192 of those in one frame of a workpiece; `paths` are theirs.
+
+    Frames are one where they are connected, by `scalars`: those of two models side by side may lie in one place. There
+    are no such numbers for a scene whose structure changes, which tells of holes itself.
+    """
+    known = [path for path in paths if all(f"{path}.{name}" in run for name in _SIGNALS)]
+    if len(known) == 1 and _is_led(run, known[0]):
+        return []
+    made = [cut for path in known if len((cut := _Cut.of(run, path)).rows)]
+    notes = [note for cut in made if (note := cut.beside())]
+    frames: dict[int, list[Hole]] = {}
+    for cut in made:
+        if (frame := scalars.get(f"{cut.path}.frame_w.r_0")) is not None:
+            frames.setdefault(frame, []).append(cut.hole())
+    return [*notes, *_overlapping(frames.values())]
+
+
+def _is_led(run: Result, path: str) -> bool:
+    """Whether the drill cannot leave its axis: the compiler has found so, and nothing has to be computed."""
+    ends = ("tip[0]", "tip[1]", "axis[0]", "axis[1]", "axis[2]")
+    return all(run.signals[f"{path}.geometry.{end}"].column is None for end in ends)
+
+
+def _overlapping(groups: Iterable[list[Hole]]) -> Iterator[str]:
+    for holes in groups:
+        for one, other in combinations(holes, 2):
+            if one.overlaps(other):
+                yield (
+                    f"AC192: {named(one, other)} overlap, {1e3 * one.apart(other):.3g} mm apart: each is cut as if the "
+                    "other were full of material"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class _Cut:
+    """The drill at the rows at which its tip is in a hole that has been cut: entry [m] and direction, shape (n, 3)."""
+
+    path: str
+    d: float
+    sigma: float
+    depth: float
+    rows: NDArray[np.intp]
+    times: Array
+    entry: Array
+    axis: Array
+    thickness: float
+
+    @classmethod
+    def of(cls, run: Result, path: str) -> _Cut:
+        s, ground, tip, axis = (run[f"{path}.{name}"] for name in ("s", "s_tar", "geometry.tip", "geometry.axis"))
+        d, sigma = (float(np.nanmax(run[f"{path}.{name}"])) for name in ("d", "sigma"))
+        rows = np.flatnonzero((s > 0) & (ground > _CUT * d))
+        entry = tip[rows] - axis[rows] * s[rows, None]
+        depth = float(np.nanmax(ground, initial=0.0))
+        through = s[rows[:1]] - run[f"{path}.geometry.s_exit"][rows[:1]]
+        return cls(path, d, sigma, depth, rows, run.time[rows], entry, axis[rows], float(through.max(initial=0.0)))
+
+    def beside(self) -> str:
+        """Where the drill is first beside the hole that it began to cut; "" where it never is."""
+        off = np.linalg.norm(np.cross(self.entry - self.entry[0], self.axis[0]), axis=1)
+        away = np.flatnonzero((off > self.d / 4) | (self.axis @ self.axis[0] < ALONG))
+        if not len(away):
+            return ""
+        k = away[0]
+        drawn_out = self.rows[k] - self.rows[0] > k
+        how = "comes down" if drawn_out else "is moved"
+        why = (
+            "this force has one hole only, wherever the drill enters first: elsewhere there is no force down to the "
+            "ground of that one; a DrillBody of a ContactScene makes new holes"
+            if drawn_out
+            else "the hole goes along, and nothing acts across the axis"
+        )
+        where = f"{1e3 * off[k]:.3g} mm beside its hole" if off[k] > self.d / 4 else "across its hole"
+        return f"t = {self.times[k]:.9g} s: {self.path}: AC194: the drill {how} {where}: {why}"
+
+    def hole(self) -> Hole:
+        inside = min(self.depth, self.thickness) - _THIN
+        return Hole(self.path, self.d, self.sigma, self.entry[0], self.axis[0], self.depth, inside)
