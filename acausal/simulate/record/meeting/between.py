@@ -39,6 +39,7 @@ def rows_between(
     states, others = whole[1][: problem.n_dynamic], whole[2]
     sizes = np.append(_OFF * _size(states, problem.scale_x), _JUMP * _size(others, problem.scale_z))
     waiting = [(0, whole, k) for k in _untold(problem, whole, sizes, step)]
+    asked = {float(whole[0][k]) for _, _, k in waiting}  # starts of what is or was waiting
     most = max(_CALLS, recorder.counters.get("steps", len(whole[0])) / _EACH)
     while waiting and len(found) < most:
         depth, at, k = waiting.pop(0)
@@ -53,9 +54,10 @@ def rows_between(
         around = (at, slice(max(k - 1, 0), k + 1)), (closer, slice(None)), (at, slice(k + 2, k + 4))
         part = tuple(np.concatenate([rows[j][..., some] for rows, some in around], axis=-1) for j in range(4))
         found.append(part)
-        if step is None and depth < _DEPTH:
-            inside = [j for j in _untold(problem, part, sizes, step) if a <= part[0][j] < b]
-            waiting += [(depth + 1, part, j) for j in inside[:2]]
+        if depth < _DEPTH:
+            new = [j for j in _untold(problem, part, sizes, step) if part[0][j] not in asked][:2]
+            asked.update(part[0][new].tolist())
+            waiting += [(depth + 1, part, j) for j in new]
     return found, float(waiting[0][1][0][waiting[0][2]]) if waiting else None
 
 
@@ -72,7 +74,8 @@ def _untold(problem: Problem, at: Rows, sizes: Vector, step: float | None) -> li
     off = np.diff(x[:n]) - gap * (rates[:, 1:] + rates[:, :-1]) / 2
     values = np.abs(np.concatenate([off, np.diff(z)])) / sizes[:, None]
     values = np.where(np.isfinite(values) & (gap > 0.0) & (m[:, 1:] == m[:, :-1]).all(axis=0), values, 0.0)
-    worst = np.where(values > np.maximum(1.0, _UNLIKE * _around(values)), values, 0.0).max(axis=0, initial=0.0)
+    slopes = values / np.where(gap > 0.0, gap, np.inf)
+    worst = np.where((values > 1.0) & (slopes > _UNLIKE * _around(slopes)), values, 0.0).max(axis=0, initial=0.0)
     worst[gap <= (_NEAR * (np.abs(t[1:]) + t[-1] - t[0]) if step is None else step * (1 + 1e-9))] = 0.0
     return [k for k in np.argsort(-worst).tolist() if worst[k] > 0.0]
 
