@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Result, connect, fixed, part
+from acausal import Component, Equations, Result, connect, fixed, part, structural
 from acausal.errors import EventError
 from acausal.library.multibody import (
     Body,
@@ -301,3 +301,42 @@ def test_a_rod_turns_where_a_body_or_a_joint_says_how() -> None:
 
     result = run(Dumbbell(), 0.5)
     assert result.final("one.w_a[2]") == pytest.approx(0.5, rel=1e-6)
+
+
+class OnABallJoint(Component):
+    """A body turns about a point beside its centre of mass."""
+
+    world: World = part()
+    ball: Spherical = part()
+    body: Body = part()
+    across: float = structural(default=0.0)
+
+    def build(self) -> None:
+        self.world, self.ball = World(), Spherical()
+        self.body = Body(
+            m=2.0, r_CM=(0.3, self.across, 0.0), I_11=0.02, I_22=0.03, I_33=0.04, Q=UPRIGHT, w_a=fixed((1.0, 2.0, 3.0))
+        )
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.ball.frame_a)
+        yield connect(self.ball.frame_b, self.body.frame_a)
+
+
+@pytest.mark.parametrize("across", [0.3 - 0.2 - 0.1, 1e-15, 1e-12])
+def test_an_arm_of_rounding_errors_is_none(across: float) -> None:
+    """Newton's law for the centre of mass, m a = f + m g; nothing may be divided by an arm of -2.8e-17 m."""
+    result = run(OnABallJoint(across=across), 0.5)
+    exact = run(OnABallJoint(), 0.5)
+    for k in range(3):
+        name = f"ball.frame_b.f[{k}]"
+        assert np.abs(result[name] - exact[name]).max() < 1e-9 * np.abs(exact[name]).max()
+    R, f, w, z = (
+        np.moveaxis(np.array([[result[f"body.frame_a.R[{i},{j}]"] for j in range(3)] for i in range(3)]), 2, 0),
+        np.array([result[f"ball.frame_b.f[{i}]"] for i in range(3)]).T,
+        np.array([result[f"body.w_a[{i}]"] for i in range(3)]).T,
+        np.array([result[f"body.z_a[{i}]"] for i in range(3)]).T,
+    )
+    arm = np.array([0.3, across, 0.0])
+    of_centre = np.cross(z, arm) + np.cross(w, np.cross(w, arm))
+    weight = np.einsum("tji,j->ti", R, 2.0 * np.array([0.0, -G, 0.0]))
+    assert np.abs(2.0 * of_centre + f - weight).max() < 1e-9 * np.abs(f).max()

@@ -46,6 +46,8 @@ _SHORT_ROW = 32  # longest row of which all entries are offered again when one c
 _MOST_PRODUCTS = 20_000  # products allowed for an order if the cheapest so far leaves rows unsolved
 _PRODUCT_RATIO = 1.2  # an order with more products than this times the cheapest is given up
 _ROUNDING = 2e-14  # constants that differ by less, relatively, are equal: 100 times the rounding error of one operation
+_ROUNDING = 1e-11  # ratio of a pivot to other entries of its row and column below which digits are lost
+_SMALL_ENTRY = 1e-8  # largest pivot that is compared with them
 _PENALTIES = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count, by rank: constants are cheaper and safer divisors
 
 
@@ -137,6 +139,7 @@ class _Work:
         self._sampled: dict[int, Samples] = {}
         self.length_when_offered: dict[int, int] = {}  # length of a row when all its entries were offered
         self.heap: list[tuple[float, int, int, int]] = []
+        self.postponed: list[tuple[int, int, int]] = []  # (row, variable, coefficient) of pivots below rounding
         for i, row in enumerate(self.rows):
             for v, c in row.items():
                 self._offer(i, v, c)
@@ -205,8 +208,24 @@ class _Work:
             if now > cost:
                 heapq.heappush(self.heap, (now, i, v, c))
                 continue
+            if self._is_rounding(i, v):
+                self.postponed.append((i, v, c))
+                continue
             self._pivot((i,), (v,))
         return True
+
+    def _is_rounding(self, i: int, v: int) -> bool:
+        """Whether an entry that does not vary is below rounding beside others of its row and of its column.
+
+        An arm of 0.3 - 0.2 - 0.1 = -3e-17 m is nonzero, but a force from its torque has no digits. Neither the row nor
+        the column alone suffices: a capacitor of 1e-15 F has its current in the row, or a larger one in the column.
+        """
+        size = abs(self._values(i, v)[0])
+        if self.points.varies(self.rows[i][v]) or not size < _SMALL_ENTRY:
+            return False
+        row = max(abs(self._values(i, w)[0]) for w in self.rows[i])
+        column = max(abs(self._values(k, v)[0]) for k in self.columns[v])
+        return bool(size < _ROUNDING * min(row, column))
 
     def _block_pivot(self) -> tuple[tuple[int, ...], tuple[int, ...]] | None:
         """Rows and variables of the cheapest safe 2x2 pivot, else 3x3; None if there is none."""
@@ -259,6 +278,8 @@ class _Work:
 
     def _pivot(self, rows: tuple[int, ...], variables: tuple[int, ...]) -> None:
         """Solve rows for variables, and substitute these in all other rows."""
+        while self.postponed:  # the larger entries beside them may be in these rows
+            self._offer(*self.postponed.pop())
         self.active.difference_update(rows)
         pivot = Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
         self.pivots.append(pivot)
