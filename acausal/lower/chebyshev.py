@@ -73,7 +73,7 @@ def between(a: float, b: float, degree: int) -> Vector:
 
 
 def tail(coefficients: Vector) -> Vector:
-    """Largest magnitude of the last three coefficients, by column; it bounds the contribution of further ones."""
+    """Largest magnitude of the last three coefficients, by column: further ones would contribute less."""
     return np.asarray(np.abs(coefficients[-3:]).max(axis=0), dtype=np.float64)
 
 

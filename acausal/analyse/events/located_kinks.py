@@ -8,8 +8,8 @@ ends where such a kink is reached, and the next one begins there, without an eve
 Where both sides vary, or the active side is multiplied by something that varies, the solver chooses its step from the
 side that it sees, and still overlooks an excursion beyond the kink that is shorter than a step: `speed * maximum(force,
 -limit)`, or `fabs((t - 1) * (t - 1.1))`, whose dip a method of third order does not notice. All kinks are therefore
-located, except those of external functions that may jump (`External.jumps`) if both sides vary or no rate contains
-them.
+located, except those of external functions that may jump (`External.jumps`) if both sides vary or they do not enter a
+rate linearly.
 
 Each located kink costs a guard, and a stretch whenever it is passed. Bodies in contact have hundreds of kinks, for all
 the ways in which their faces may overlap: choices below `no_event` that move a point of contact while the force acts.
