@@ -136,6 +136,13 @@ def test_few_rows_are_enough(solver: str) -> None:
     assert result.time == pytest.approx([0.0, 0.6, 1.2, 1.8, 2.0])
 
 
+def test_steps_of_rk2_between_two_rows_solve_the_equations() -> None:
+    """y |y| + y / 1000 == x is odd in x, so that y has no integral from -1 to 1; at 1 it is a root of a square."""
+    result = run("turbulent", "rk2", output_interval=0.05)
+    assert result.final("w") == pytest.approx(0.0, abs=1e-9)
+    assert result.final("y") == pytest.approx((1e-6 / 4 + 1.0) ** 0.5 - 1e-3 / 2, abs=1e-9)
+
+
 class Fast(Component):
     """Solutions that meet at x = 0, where x(s) passes zero within a thousandth of s = 0, the instant t = 0.517 s."""
 

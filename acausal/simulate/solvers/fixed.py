@@ -141,7 +141,9 @@ class Rk2:
         found, done = [], 0
         for count, intervals in _runs(counts):
             th = steps[:, done : done + count * intervals].ravel(order="F")
-            (rows,) = _accumulated(problem.scaled, count, intervals)(x, th, np.tile(p, intervals))
+            run = _accumulated(problem.scaled, count, intervals)
+            # equations with a rootfinder take p anew for each step, unrolled steps for each interval
+            (rows,) = run(x, th, np.tile(p, run.function.numel_in(2) // len(p)))
             found.append(rows.reshape(len(x), intervals))
             x = found[-1][:, -1]
             done += count * intervals
