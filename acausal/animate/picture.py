@@ -100,8 +100,10 @@ def _draw(axes: Any, scene: Scene, row: int) -> None:
 
 
 def facing(triangles: Array, projection: Array) -> NDArray[np.bool_]:
-    """Which triangles, shape (n, 3, 3), turn to the viewer the side around which their corners go to the left."""
+    """Mask of the triangles, shape (n, 3, 3), whose corners are counter-clockwise as seen by the viewer."""
     from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-    x, y, _ = (np.asarray(v).reshape(-1, 3).T for v in proj_transform(*triangles.reshape(-1, 3).T, projection))
+    corners = triangles.reshape(-1, 3).T
+    projected = proj_transform(corners[0], corners[1], corners[2], projection)
+    x, y, _ = (np.asarray(v).reshape(-1, 3).T for v in projected)
     return np.asarray((x[1] - x[0]) * (y[2] - y[0]) > (x[2] - x[0]) * (y[1] - y[0]))

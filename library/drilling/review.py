@@ -1,4 +1,4 @@
-"""What drills leave in a run: holes that overlap, and drills that come down beside the hole that they have cut.
+"""Review of a run for holes that overlap, and for drills that come down beside the hole that they have cut.
 
 A drilling force has one hole, whose ground is its state. Its place would take more states; the record of a run has it.
 The relation of the touch is located, so there is a row at each entry, however far apart the outputs are.
@@ -19,9 +19,9 @@ from acausal.library.drilling.holes import ALONG, Hole, named
 Array = NDArray[np.float64]
 _SIGNALS = ("s", "s_tar", "d", "sigma", "geometry.s_exit", "geometry.tip", "geometry.axis")
 _CUT = 0.01
-"""Depth of a hole over the diameter below which the tip has only touched."""
+"""Ratio of the depth of a hole to its diameter below which the tip has only touched."""
 _THIN = 1e-7
-"""Layer [m] at the end of a hole that counts for none: plates that lie on each other have a face in common."""
+"""Layer [m] at the end of a hole that is ignored, since plates that lie on each other have a common face."""
 
 
 def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> list[str]:
@@ -43,7 +43,7 @@ def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> lis
 
 
 def _is_led(run: Result, path: str) -> bool:
-    """Whether the drill cannot leave its axis: the compiler has found so, and nothing has to be computed."""
+    """Whether the drill cannot leave its axis, as the compiler has found: nothing has to be computed then."""
     ends = ("tip[0]", "tip[1]", "axis[0]", "axis[1]", "axis[2]")
     return all(run.signals[f"{path}.geometry.{end}"].column is None for end in ends)
 
@@ -83,7 +83,7 @@ class _Cut:
         return cls(path, d, sigma, depth, rows, run.time[rows], entry, axis[rows], float(through.max(initial=0.0)))
 
     def beside(self) -> str:
-        """Where the drill is first beside the hole that it began to cut; "" where it never is."""
+        """Note on the instant at which the drill is first beside the hole that it began to cut; "" if it never is."""
         off = np.linalg.norm(np.cross(self.entry - self.entry[0], self.axis[0]), axis=1)
         away = np.flatnonzero((off > self.d / 4) | (self.axis @ self.axis[0] < ALONG))
         if not len(away):

@@ -164,9 +164,9 @@ class Method:
             start = self.algebraic(t, x, z, held)
             first, last = self._along(t, x, start, *held), self._along(t + h, new, end, *held)
             rough = ca.logic_or(rough, meets(h, first, last))
-        if self._along.numel_out(0) and self._has_kinks:
-            rough = ca.logic_or(rough, self._leads_elsewhere(t + h, new, start + h * first[2], end, held))
-            rough = ca.logic_or(rough, self._leads_elsewhere(t, x, end - h * last[2], start, held))
+            if self._has_kinks:
+                rough = ca.logic_or(rough, self._leads_elsewhere(t + h, new, start + h * first[2], end, held))
+                rough = ca.logic_or(rough, self._leads_elsewhere(t, x, end - h * last[2], start, held))
         return new, end, rough
 
     def _leads_elsewhere(self, t: Any, x: Any, ahead: Any, z: Any, held: Sequence[Any]) -> Any:
