@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
+from acausal.errors import DeclarationError
 from acausal.library.contact.collide.axis.crossing import crossing_function
 from acausal.library.contact.collide.shapes import PointedDrill, Shape
 from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Surfaces, Trace
@@ -25,6 +26,16 @@ from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.orientation import Vector, unit_vector
 
 Array = NDArray[np.float64]
+_OF_DRILL = ("axis_a", "k", "d_c")
+_OF_WORKPIECE = ("level", "t", "width", "height")
+_STATED_BY_BODIES = {
+    **{name: "DrillBody(tool=Tool(...))" for name in ("tool", "d", "sigma", "z_E")},
+    **{name: f"DrillBody({name}=...)" for name in _OF_DRILL},
+    "length": "DrillBody(tip=...)",
+    "material": "WorkpieceBody(material=...)",
+    **{name: "WorkpieceBody(shape=..., pose=...)" for name in _OF_WORKPIECE},
+}
+"""Parameters of a drilling force that a scene takes from its bodies, and where to give each."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +89,7 @@ class DrillBody(ContactBody):
         Stiffness [N/m] and damping [N.s/m] of the contact with the bottom of the hole.
     settings
         Further parameters of `FullDrillingForce` or, if `k_wall` is among them, of `GuidedDrillingForce`, as pairs of
-        name and value.
+        name and value. What the bodies of the scene state themselves is refused (AC173).
     wanders
         False for a drill that drills only one hole.
     """
@@ -95,6 +106,13 @@ class DrillBody(ContactBody):
     pose: Pose = field(init=False)
 
     def __post_init__(self) -> None:
+        for name, _ in self.settings:
+            if name in _STATED_BY_BODIES:  # the force would drill another hole than the one that the scene sees
+                raise DeclarationError(
+                    "AC173",
+                    f"the settings of {self.name} give {name}, which the bodies of the scene state",
+                    help=f"give {_STATED_BY_BODIES[name]} instead",
+                )
         e = unit_vector(self.axis_a, "axis_a")
         tip = (e[0] * self.tip, e[1] * self.tip, e[2] * self.tip)
         object.__setattr__(self, "shape", PointedDrill(self.tool.d, self.tool.sigma, self.length))

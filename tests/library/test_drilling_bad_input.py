@@ -8,7 +8,7 @@ import pytest
 
 import acausal
 from acausal.errors import AcausalError
-from acausal.library.drilling import FullDrillingForce, Workpiece
+from acausal.library.drilling import DrillBody, FullDrillingForce, Workpiece
 from acausal.models.drilling_control import ForceControlledDrilling
 from acausal.models.drilling_dynamic import ThickBlock
 
@@ -31,6 +31,18 @@ def test_a_drill_that_is_none_is_refused_with_its_name(name: str, value: float) 
         acausal.simulate(ThickBlock(), parameters={f"drill.{name}": value})
     assert caught.value.code == "AC136"
     assert f"drill.{name} = {value:g}" in caught.value.fact
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "remedy"), [("d", 8e-3, "tool"), ("k", 1e7, "k=..."), ("t", 0.01, "WorkpieceBody")]
+)
+def test_settings_of_a_drill_cannot_contradict_the_bodies_of_its_scene(name: str, value: float, remedy: str) -> None:
+    """A `d` of 8 mm cut the force in half, while shape and holes of the scene were those of a drill of 16 mm."""
+    with pytest.raises(AcausalError) as caught:
+        DrillBody(name="drill", settings=((name, value),))
+    assert caught.value.code == "AC173"
+    assert name in caught.value.fact
+    assert remedy in caught.value.help
 
 
 def test_an_exponent_without_a_solution_is_refused_with_its_name() -> None:
