@@ -17,7 +17,9 @@ from acausal import Result
 from acausal.library.drilling.holes import ALONG, Hole, named
 
 Array = NDArray[np.float64]
-_SIGNALS = ("s", "s_tar", "d", "sigma", "geometry.s_exit", "geometry.tip", "geometry.axis")
+# By their entries: a vector is put together from the names of all signals of the run.
+_TIP, _AXIS = (tuple(f"geometry.{name}[{k}]" for k in range(3)) for name in ("tip", "axis"))
+_SIGNALS = ("s", "s_tar", "d", "sigma", "geometry.s_exit", *_TIP, *_AXIS)
 _CUT = 0.01
 """Ratio of the depth of a hole to its diameter below which the tip has only touched."""
 _THIN = 1e-7
@@ -30,7 +32,7 @@ def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> lis
     Frames are one where they are connected, by `scalars`: those of two models side by side may lie in one place. There
     are no such numbers for a scene whose structure changes, which tells of holes itself.
     """
-    known = [path for path in paths if all(f"{path}.{name}" in run for name in _SIGNALS)]
+    known = [path for path in paths if all(f"{path}.{name}" in run.signals for name in _SIGNALS)]
     if len(known) == 1 and _is_led(run, known[0]):
         return []
     made = [cut for path in known if len((cut := _Cut.of(run, path)).rows)]
@@ -44,8 +46,7 @@ def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> lis
 
 def _is_led(run: Result, path: str) -> bool:
     """Whether the drill cannot leave its axis, as the compiler has found: nothing has to be computed then."""
-    ends = ("tip[0]", "tip[1]", "axis[0]", "axis[1]", "axis[2]")
-    return all(run.signals[f"{path}.geometry.{end}"].column is None for end in ends)
+    return all(run.signals[f"{path}.{name}"].column is None for name in (*_TIP[:2], *_AXIS))
 
 
 def _overlapping(groups: Iterable[list[Hole]]) -> Iterator[str]:
@@ -74,7 +75,8 @@ class _Cut:
 
     @classmethod
     def of(cls, run: Result, path: str) -> _Cut:
-        s, ground, tip, axis = (run[f"{path}.{name}"] for name in ("s", "s_tar", "geometry.tip", "geometry.axis"))
+        s, ground = run[f"{path}.s"], run[f"{path}.s_tar"]
+        tip, axis = (np.column_stack([run[f"{path}.{name}"] for name in names]) for names in (_TIP, _AXIS))
         d, sigma = (float(np.nanmax(run[f"{path}.{name}"])) for name in ("d", "sigma"))
         rows = np.flatnonzero((s > 0) & (ground > _CUT * d))
         entry = tip[rows] - axis[rows] * s[rows, None]

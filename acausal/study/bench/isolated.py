@@ -62,8 +62,9 @@ def isolated(work: Callable[[], Iterator[T]], limit: float) -> Outcome[T]:
         _, status = os.waitpid(child, 0)
     if value is None and not failure:
         code = os.waitstatus_to_exitcode(status)
-        died = f"the process died ({signal.Signals(-code).name})"
-        failure = died if code < 0 else "the process ended without a message"
+        failure = "the process ended without a message"
+        if code < 0:
+            failure = f"the process died ({signal.Signals(-code).name})"
     return Outcome(value, failure, time.perf_counter() - began)
 
 
