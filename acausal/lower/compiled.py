@@ -85,6 +85,16 @@ class CompiledModel(Lowered):
         return {}
 
     @cached_property
+    def constant_divisors(self) -> dict[int, float]:
+        """Divisors of the solved equations that depend on parameters alone, and their sizes when pivots were chosen."""
+        solution = self.solution
+        pool, points = solution.structure.reduced.pool, solution.structure.points
+        roots = [*(n for _, n in solution.definitions), *solution.residuals]
+        divisors = {pool.nodes[n][2] for n in pool.reachable(roots) if pool.nodes[n][0] == "div"}
+        chosen = sorted(n for n in divisors if pool.nodes[n][0] != "const" and not points.varies(n))
+        return {n: abs(points.constant(pool, n)) for n in chosen}
+
+    @cached_property
     def observe(self) -> Any:
         """`(t, x, z, u, p, m) -> y[len(columns)]`: every trajectory of the model at one instant."""
         return self._of_nodes("observe", y=self.columns)

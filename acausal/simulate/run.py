@@ -14,6 +14,7 @@ from acausal.flatten.parameters import unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.cache.cache import choices_hold_for
+from acausal.lower.cache.divisors import shrunken_divisors
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
@@ -117,6 +118,7 @@ def simulate(
     opts = options(compiled.flat.experiment, **given)
     result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
     remarks = list(unheard_parameters(compiled.flat, values) if values else ())
+    remarks += shrunken_divisors(compiled, parameter_vector(compiled, values)) if values else ()
     remarks += _start_remarks(result, discrete_starts(compiled, start) if start else {})
     if reviewing := compiled.flat.reviewing:
         remarks += reviews(reviewing, result, {v.path: v.first for v in compiled.flat.variables})

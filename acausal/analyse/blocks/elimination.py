@@ -46,7 +46,7 @@ _SHORT_ROW = 32  # longest row of which all entries are offered again when one c
 _MOST_PRODUCTS = 20_000  # products allowed for an order if the cheapest so far leaves rows unsolved
 _PRODUCT_RATIO = 1.2  # an order with more products than this times the cheapest is given up
 _ROUNDING = 2e-14  # constants that differ by less, relatively, are equal: 100 times the rounding error of one operation
-_LOST_DIGITS = 1e-11  # ratio of a pivot to other entries of its row and column below which digits are lost
+_LOST_DIGITS = 1e-8  # ratio of a pivot to other entries of its row and column below which digits are lost
 _SMALL_ENTRY = 1e-8  # largest pivot that is compared with them
 _PENALTIES = (0.0, 0.2, 0.6, 2.0)  # added to Markowitz's count, by rank: constants are cheaper and safer divisors
 

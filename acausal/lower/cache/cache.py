@@ -21,6 +21,7 @@ from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatSystem
 from acausal.language.declarations.declaration import Declaration
+from acausal.lower.cache.divisors import shrunken_divisors
 from acausal.lower.cache.stored import find, keep
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import gradients
@@ -109,7 +110,10 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
         # The values are part of the signature, and therefore the same.
         recalled: CompiledModel = replaced(entry.compiled, timings={})
         return recalled
+    _ = entry.compiled.constant_divisors  # kept by the models for other values, which compare theirs with them
     model = _with_values(entry.compiled, flat)
+    if shrunken_divisors(model, model.parameter_values):
+        return None
     points = model.solution.structure.points
     for variable, node in model.solution.definitions:
         points.define(variable, node)
