@@ -118,7 +118,7 @@ def simulate(
     opts = options(compiled.flat.experiment, **given)
     result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
     remarks = list(unheard_parameters(compiled.flat, values) if values else ())
-    remarks += shrunken_divisors(compiled, parameter_vector(compiled, values)) if values else ()
+    remarks += shrunken_divisors(compiled, parameter_vector(compiled, values).tolist()) if values else ()
     remarks += _start_remarks(result, discrete_starts(compiled, start) if start else {})
     if reviewing := compiled.flat.reviewing:
         remarks += reviews(reviewing, result, {v.path: v.first for v in compiled.flat.variables})

@@ -353,4 +353,4 @@ def test_an_arm_that_shrinks_after_compiling_is_told_or_compiled_anew() -> None:
         assert np.abs(short[name] - exact[name]).max() < 1e-9 * np.abs(exact[name]).max()
     for arm, is_told in ((0.01, False), (1e-7, True)):
         again = acausal.simulate(long, parameters={"body.r_CM": (0.3, arm, 0.0)}, stop_time=0.1)
-        assert is_told == any("shrunk from 0.2" in note for note in again.stats["notes"])
+        assert is_told == ("shrunk from 0.2" in str(again.stats["notes"]))
