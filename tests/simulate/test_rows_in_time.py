@@ -8,7 +8,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, connect, fixed
 from acausal.library.multibody import PointMass, Spring, World
-from acausal.simulate.driver.missed_events import _distinct_stops
+from acausal.simulate.driver.missed.missed_events import _distinct_stops
 
 G = np.array([0.0, -9.80665, 0.0])
 REST = fixed((0.0, 0.0, 0.0))

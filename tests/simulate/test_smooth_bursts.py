@@ -39,7 +39,7 @@ from acausal import (
 )
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.watched import with_watched
-from acausal.simulate.driver.missed_events import MissedEvents
+from acausal.simulate.driver.missed.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers.segment import Piece, Segment
 from tests.marks import slow_but

@@ -49,7 +49,7 @@ def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = F
     kinks by modes, so that each side can be differentiated.
 
     Cached by model and located table points. Bursts are not located: the solution is searched for them afterwards
-    (`acausal.simulate.driver.missed_events`).
+    (`acausal.simulate.driver.missed.missed_events`).
     """
     variants = _CACHE.setdefault(compiled, {})
     numbers, unlocated_ends = tuple[int, ...](), 0

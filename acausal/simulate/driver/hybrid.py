@@ -13,7 +13,7 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.driver.agenda import Position, Schedule, Stretch
 from acausal.simulate.driver.event_loop import EventLoop, LoopEvent, suits_event_loop
 from acausal.simulate.driver.loop_memory import LoopMemory
-from acausal.simulate.driver.missed_events import MissedEvents
+from acausal.simulate.driver.missed.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant

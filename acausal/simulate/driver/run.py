@@ -28,7 +28,7 @@ from acausal.simulate.driver.driver import Driver
 from acausal.simulate.driver.hybrid import Hybrid
 from acausal.simulate.driver.independent import IndependentSystems, Member
 from acausal.simulate.driver.loop_memory import LoopMemory
-from acausal.simulate.driver.missed_events import MissedEvents
+from acausal.simulate.driver.missed.missed_events import MissedEvents
 from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.kinks import NONE, Kinks, kinks

@@ -1,6 +1,6 @@
 /* Candidates: instants inside of a step at which a steep function may rise and fall unnoticed.
 
-   The rule is that of driver/missed_events.py. A change of a steep function between two samples shows in the samples, except
+   The rule is that of driver/missed/missed_events.py. A change of a steep function between two samples shows in the samples, except
    where its argument has an extremum, and where a step function, or a term in which an argument is even, is at its midpoint.
    There the step has to satisfy the equations. Here the solution between samples is the polynomial of the step, and its rates
    are known: an argument has an extremum where its slope changes sign. */

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.driver.adaptive_sampling import level_changes, merged, resolving_samples
-from acausal.simulate.driver.defect import LARGEST_DEFECT, defects
+from acausal.simulate.driver.missed.adaptive_sampling import level_changes, merged, resolving_samples
+from acausal.simulate.driver.missed.defect import LARGEST_DEFECT, defects
 from acausal.simulate.equations.arguments import Arguments, arguments
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem

@@ -1,0 +1,1 @@
+"""The search for what a steep function does between two rows of a solution."""
