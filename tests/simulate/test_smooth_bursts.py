@@ -373,7 +373,7 @@ HARMLESS: dict[str, Callable[[Any, Any], Expr]] = {
 @pytest.mark.parametrize("most", [20_000, 50])
 def test_what_is_not_searched_is_said(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stretch of more steps than the search takes may pass something: not without a word, and no word else."""
-    from acausal.simulate.driver import missed_events
+    from acausal.simulate.driver.missed import missed_events
 
     monkeypatch.setattr(missed_events, "_MOST_ROWS", most)
     r = acausal.simulate(_crest("tanh", "time"), stop_time=10.0, solver="cvodes", tolerance=1e-8)
