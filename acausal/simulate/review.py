@@ -1,4 +1,4 @@
-"""What components say of a run when they look back on it."""
+"""Notes of components that examine a finished run."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from acausal.result.result import Result
 
 
 def reviews(components: Mapping[str, type[Reviewing]], result: Result, scalars: Mapping[str, int]) -> list[str]:
-    """Notes of the components that look back on runs; those that do so by one method do it together.
+    """Return the notes of all components that review runs; those that share a method are passed to it together.
 
-    `scalars` are numbers of variables by path, equal for what is connected.
+    `scalars`: Numbers of variables by path, equal for connected potentials.
     """
     by_method: dict[Callable[..., Sequence[str]], list[str]] = {}
     for path, cls in components.items():

@@ -171,7 +171,7 @@ def test_what_happens_between_two_rows_is_looked_at(equation: str, path: str, in
     steps: dict[str, Any] = {"step": 5e-4} if solver == "rk" else {}
     fast = Fast(equation=equation, path=path)
     result = acausal.simulate(fast, stop_time=1.0, solver=solver, output_interval=interval, **steps)
-    assert noted(result) or "more happens than they tell" in str(result.stats["notes"])
+    assert noted(result) or "more happens than they show" in str(result.stats["notes"])
 
 
 class Large(Component):

@@ -1,1 +1,1 @@
-"""Where motions or solutions of algebraic equations meet, so that a run may have gone over to another one."""
+"""Where motions or solutions of algebraic equations meet, so that a run may have changed to another one."""

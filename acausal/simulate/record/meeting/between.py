@@ -1,7 +1,8 @@
-"""What a run did between two rows that do not tell it: the run is asked again there.
+"""Where the rows of a run do not show what happens between them, the run is repeated with more rows.
 
-Solutions may meet in less time than two rows are apart. What comes and goes there leaves a trace: states change by what
-the rates at both ends do not tell, unlike between the rows around, or the algebraic variables jump.
+Solutions may meet within less time than the distance of two rows. Whatever comes and goes there leaves a trace: the
+change of a state does not agree with its rates at both ends, although it does in the intervals around, or the algebraic
+variables jump.
 """
 
 from __future__ import annotations
@@ -16,30 +17,30 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.record import Recorder
 
 Rows = tuple[Vector, ...]  # times, states, algebraic variables, modes; columns are instants
-Again = Callable[[int, Vector], Rows]  # the run from one of its rows on, at some times behind it
+Again = Callable[[int, Vector], Rows]  # repeats the run from one of its rows on, with rows at the given later times
 
 UNTOLD = (
-    "between two rows near t = {:.4g} s more happens than they tell, and the run cannot be asked for all of it: "
+    "between two rows near t = {:.4g} s more happens than they show, and it is too much to be run again in detail: "
     "whether solutions of algebraic equations meet there is not known; compare with a smaller output_interval"
 )
-_CALLS, _EACH = 16, 8  # times that a run is asked again, but once for so many of its steps
-_POINTS = 48  # rows between two others, but all steps of a fixed length, at most `_STEPS`
+_CALLS, _EACH = 16, 8  # repetitions allowed in any case, and steps of the run for which one more is allowed
+_POINTS = 48  # rows of a repetition; with fixed steps there is one for each step, and at most `_STEPS`
 _STEPS = 5000
-_DEPTH = 3  # how often rows are put between rows
-_UNLIKE = 8.0  # what a change untold is by those around
-_JUMP, _OFF = 1e-2, 1e-5  # changes of algebraic variables and of states, by their sizes, that count
-_NEAR = 1e-9  # distance of rows [of the time] between which there is nothing
+_DEPTH = 3  # how often an interval is refined again
+_UNLIKE = 8.0  # least ratio of an unexplained change to those in the intervals around
+_JUMP, _OFF = 1e-2, 1e-5  # least relative changes of algebraic variables and of states that count
+_NEAR = 1e-9  # intervals shorter than this fraction of the time are not refined
 
 
 def rows_between(
     problem: Problem, recorder: Recorder, whole: Rows, again: Again, step: float | None
 ) -> tuple[list[Rows], float | None]:
-    """Rows of the run between some of its rows, and an instant near which too many would have been needed."""
+    """Return rows of the run in between, and an instant near which too many would be needed (None if there is none)."""
     found: list[Rows] = []
     states, others = whole[1][: problem.n_dynamic], whole[2]
     sizes = np.append(_OFF * _size(states, problem.scale_x), _JUMP * _size(others, problem.scale_z))
     waiting = [(0, whole, k) for k in _untold(problem, whole, sizes, step)]
-    asked = {float(whole[0][k]) for _, _, k in waiting}  # starts of what is or was waiting
+    asked = {float(whole[0][k]) for _, _, k in waiting}  # begins of the intervals that are or were waiting
     most = max(_CALLS, recorder.counters.get("steps", len(whole[0])) / _EACH)
     while waiting and len(found) < most:
         depth, at, k = waiting.pop(0)
@@ -62,9 +63,9 @@ def rows_between(
 
 
 def _untold(problem: Problem, at: Rows, sizes: Vector, step: float | None) -> list[int]:
-    """Rows behind which something happens before the next one that they do not tell, the largest first.
+    """Return indices of rows before intervals whose ends do not show what happens inside, the largest change first.
 
-    `sizes`: Of changes that count: of states, beside what their rates tell, and of algebraic variables.
+    `sizes`: Least changes that count: of states, beyond what their rates explain, and of algebraic variables.
     """
     t, x, z, m = at
     n, gap = problem.n_dynamic, np.diff(t)
@@ -85,7 +86,7 @@ def _size(values: Vector, nominal: Vector) -> Vector:
 
 
 def _around(values: Vector) -> Vector:
-    """What changes are like between the rows around: of one of two neighbours, or of those beside them."""
+    """Return the larger of the changes that both neighbours of an interval, or both second neighbours, reach."""
     wide = np.pad(values, ((0, 0), (2, 2)), mode="reflect")
     one, two = (np.minimum(wide[:, 2 - d : -2 - d], wide[:, 2 + d : wide.shape[1] - 2 + d]) for d in (1, 2))
     return np.asarray(np.maximum(one, two))

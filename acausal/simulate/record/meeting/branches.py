@@ -1,16 +1,16 @@
 """Instants at which a run may have gone on with another solution of its algebraic equations.
 
-Where two solutions cross (y * (x - y) == 0 at x = 0) the slope of the equations by their unknowns is singular, and a
-run may go straight on or turn off; Newton's method knows nothing of where it came from. No solver refuses this by
-itself: IDAS steps over such a point without an evaluation there, and explicit methods go on with what their
-rootfinder returns. Neither is wrong by the equations, so a note says where it was.
+Where two solutions cross (y * (x - y) == 0 at x = 0), the Jacobian of the equations is singular, and a run may stay on
+its solution or change to the other one, since Newton's method does not know where it came from. No solver notices:
+IDAS steps over such a point without an evaluation there, and explicit methods continue with whatever their rootfinder
+returns. Both continuations satisfy the equations, so a note says where this happened.
 
-A determinant that changes its sign while the unknowns stay continuous tells it: the index of an isolated solution is
-this sign, and where it changes, other solutions meet this one. Source: M. A. Krasnoselskii, Topological Methods in the
-Theory of Nonlinear Integral Equations (1964), chapter IV. Where a run turns off, the sign may stay (it is opposite on
-the two solutions), and where two others meet it at once, it stays, too: so where a determinant dips, the solution is
-followed straight on from before, along the recorded states, to its zero. Only blocks that are nonlinear in their own
-unknowns have several solutions, so those of networks that are linear cost nothing.
+The sign of the determinant, with continuous unknowns, reveals it: this sign is the index of an isolated solution, and
+where it changes, other solutions meet this one. Source: M. A. Krasnoselskii, Topological Methods in the
+Theory of Nonlinear Integral Equations (1964), chapter IV. Where a run changes to
+the other solution, the sign may stay (it is opposite on the two), and it also stays where two others meet this one at
+once. So wherever the magnitude of a determinant dips, the solution before it is continued along the recorded states to
+the zero. Only blocks that are nonlinear in their own unknowns have several solutions; linear networks cost nothing.
 """
 
 from __future__ import annotations
@@ -38,37 +38,37 @@ from acausal.simulate.record.record import Recorder
 
 _WAYS = "a run may go straight on or turn off into another one"
 
-_DENSE = 100  # unknowns of a block whose determinants are those of a whole matrix
-_LEAST, _CHEAP = 64, 1e5  # rows that are looked at in any case, and operations that cost nothing beside a run
-_ENTRIES = 1_000_000  # of slopes that are in memory at once
-_LARGEST = 300  # unknowns of a block whose directions without slope are looked for
-_DIP = 0.4  # what is left of a determinant beside a zero, by its values two rows before and behind
-_POINTS = 37, 289  # at which the solution is followed beside a zero: what is found has to stay at the second
-_BEGINS = 1e-5  # what is left of it where a stretch begins at a zero, by its value two rows behind
-_SINGULAR = 0.2  # what is left there, by the ends: a pole goes the other way
-_POLE = 5.0  # the same where it jumps at a kink
-_ZERO = 1e-8  # what is left of a determinant that touches zero
-_TURNED = 0.2  # distance from the solution straight on, by what is passed meanwhile
-_CALL = 300  # operations that take as long as a call
-_ZOOMS = 4  # times that the distance of the points beside a touched zero becomes smaller
-_MOST = 12  # places of a run that are followed
-_MOVE = 1.0  # of the unknowns, by their size, up to which the sign of a determinant is looked at beside a solution
-_ASIDE = np.geomspace(1e-5, 1.0, 16)  # the places there, by this
+_DENSE = 100  # largest block whose determinants are computed by a dense factorisation
+_LEAST, _CHEAP = 64, 1e5  # rows examined in any case, and operations that are negligible beside a run
+_ENTRIES = 1_000_000  # most entries of Jacobians in memory at once
+_LARGEST = 300  # largest block whose null space is computed
+_DIP = 0.4  # ratio of a determinant near a zero to its values two rows before and after
+_POINTS = 37, 289  # points at which the solution is continued near a zero: first, and to confirm what is found
+_BEGINS = 1e-5  # ratio of a determinant at a zero where a stretch begins to its value two rows later
+_SINGULAR = 0.2  # ratio of a determinant at a zero to the ends of its window; at a pole it exceeds 1
+_POLE = 5.0  # largest such ratio where it jumps at a kink
+_ZERO = 1e-8  # ratio at which a determinant touches zero
+_TURNED = 0.2  # least distance from the continued solution, relative to the change meanwhile
+_CALL = 300  # operations that take as long as a call of a function
+_ZOOMS = 4  # refinements around a zero that is touched
+_MOST = 12  # most windows of a run in which the solution is continued
+_MOVE = 1.0  # relative distance from a solution within which the sign of the determinant is examined
+_ASIDE = np.geomspace(1e-5, 1.0, 16)  # the points there, as fractions of this distance
 _KINKS = frozenset(("fabs", "min", "max", "noevent"))
-_SAME = 1e-9  # change of a variable, by its size, that is none at one instant
-_FAINT = 1e-9  # change of an unknown, by its nominal magnitude, that is none
+_SAME = 1e-9  # relative change of a variable at one instant that is a rounding error
+_FAINT = 1e-9  # change of an unknown, relative to its nominal magnitude, that counts as none
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Algebraic equations with several solutions: places of their unknowns, and of the entries of their slope."""
+    """Algebraic equations with several solutions: indices of their unknowns, and of the entries of their Jacobian."""
 
     columns: NDArray[np.intp]
     row: NDArray[np.intp]  # column by column
     column: NDArray[np.intp]
 
     def matrices(self, entries: Vector) -> Vector:
-        """Slopes, shape (n, size, size), from their entries, shape (n, entries)."""
+        """Jacobians, shape (n, size, size), from their entries, shape (n, entries)."""
         found = np.zeros((len(entries), len(self.columns), len(self.columns)))
         found[:, self.row, self.column] = entries
         return found
@@ -85,8 +85,8 @@ class _Block:
         return found[:, 0], found[:, 1]
 
     def _sparse(self, values: Vector) -> tuple[float, float]:
-        """The same of one slope, by a sparse factorisation."""
-        import scipy.sparse.linalg  # a tenth of a second, which only large blocks have to wait for
+        """Sign and logarithm for one Jacobian, by a sparse factorisation."""
+        import scipy.sparse.linalg  # the import takes a tenth of a second, and only large blocks need it
 
         first = np.searchsorted(self.column, np.arange(len(self.columns) + 1))
         try:
@@ -99,7 +99,7 @@ class _Block:
 
 
 def _parity(order: list[int]) -> int:
-    """1 for an even permutation, -1 for an odd one, by its transpositions."""
+    """Sign of a permutation: 1 if it is even, -1 if it is odd."""
     sign = 1
     for k in range(len(order)):
         while order[k] != k:
@@ -114,10 +114,10 @@ class _Blocks:
 
     blocks: tuple[_Block, ...]
     slopes: BufferedFunction  # `(t, x, z, u, p, m) -> entries`, block by block, by unknowns in nominal magnitudes
-    modes: list[int]  # those that rates and equations depend on
+    modes: list[int]  # modes on which rates and equations depend
 
     def entries(self, problem: Problem, at: Rows) -> list[Vector]:
-        """Entries of the slope of each block, shape (n, entries)."""
+        """Entries of the Jacobian of each block, shape (n, entries)."""
         t, x, z, m = (np.ascontiguousarray(a.T) for a in at)
         found = self.slopes.many(t[:, None], x, z, problem.u, problem.p, m)
         found[~np.isfinite(found)] = 0.0
@@ -157,7 +157,7 @@ def _blocks(compiled: CompiledModel) -> _Blocks | None:
 
 
 def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
-    """Instants [s] of rows that a run of few rows needs to tell this, also of closed loops; none for most models."""
+    """Additional instants [s] that a run with few rows needs for this search and that of closed loops; mostly none."""
     several = bool(compiled.solution.structure.invariants) or (
         bool(compiled.algebraic) and _blocks(compiled) is not None
     )
@@ -171,13 +171,13 @@ def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
 def crossed_branches(
     problem: Problem, recorder: Recorder, again: Again, step: float | None, is_implicit: bool
 ) -> tuple[str, ...]:
-    """The note on points between the rows of a run at which solutions of algebraic equations cross.
+    """Return the note on points between the rows of a run at which solutions of algebraic equations cross.
 
-    `again`: The run once more, from one of its rows on.
-    `step`: Of fixed steps [s].
-    `is_implicit`: Whether algebraic variables are unknowns of its steps. Where these are fixed, too, the run itself may
-    take a near miss for a crossing: stages may stay on another solution than their ends. The sum of these is then
-    wrong, though all rows solve the equations.
+    `again`: Repeats the run from one of its rows on.
+    `step`: Length of fixed steps [s].
+    `is_implicit`: Whether algebraic variables are unknowns of the steps. With fixed implicit steps, a near miss is
+    as bad as a crossing: stages may lie on another solution than the ends of steps. The weighted sum of the stages is
+    then wrong although all rows satisfy the equations.
     """
     compiled, found, left_out = problem.compiled, meeting_at_kinks(problem, recorder), None
     blocks = _blocks(compiled) if compiled.algebraic and recorder.count >= 4 else None
@@ -195,7 +195,7 @@ def crossed_branches(
     names = listed([problem.compiled.algebraic[c] for c in moved], 4)
     return (
         f"near t = {t:.4g} s solutions of the equations for {names} meet: {_WAYS}, and rounding decides which it "
-        "takes; look at these variables behind that time, compare solvers, and state which solution is meant, by "
+        "takes; look at these variables after that time, compare solvers, and state which solution is meant, by "
         "where(...) or another form of the equation",
     )
 
@@ -206,7 +206,7 @@ def _meeting(
     """Instants at which solutions meet, and the unknowns in which they differ."""
     compiled, count = problem.compiled, len(whole[0])
     work = _CALL + blocks.slopes.function.n_instructions() + sum(len(b.row) * len(b.columns) for b in blocks.blocks)
-    # as many as the solver has made steps: where there are fewer steps than rows, the rows tell little more
+    # no more rows than the solver has made steps: further rows would add little
     most = int(max(_LEAST, steps, _CHEAP / work))
     some = np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
     joined = _joined(whole, blocks.modes, some)
@@ -234,7 +234,7 @@ def _meeting(
 
 
 def _distinct(recorder: Recorder, modes: list[int]) -> Rows:
-    """The rows of a run without those behind something that changes neither variables nor equations: a located kink."""
+    """The rows of a run without repeated ones: a located kink changes neither variables nor equations."""
     t, x, z, m = recorder.rows()
     again = (np.diff(t) <= 0.0) & (m[modes, 1:] == m[modes, :-1]).all(axis=0)
     for values, nominal in ((x, recorder.compiled.nominal_x), (z, recorder.compiled.nominal_z)):
@@ -244,7 +244,7 @@ def _distinct(recorder: Recorder, modes: list[int]) -> Rows:
 
 
 def _joined(whole: Rows, modes: list[int], some: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Whether nothing happens between each of some rows and the next one, shape (some - 1,)."""
+    """Whether no event lies between each of the rows `some` and the next one, shape (some - 1,)."""
     t, m = whole[0], whole[3][modes]
     apart = (np.diff(t) <= 0.0) | (m[:, 1:] != m[:, :-1]).any(axis=0)
     before = np.concatenate([[0], np.cumsum(apart)])[some]
@@ -252,9 +252,9 @@ def _joined(whole: Rows, modes: list[int], some: NDArray[np.intp]) -> NDArray[np
 
 
 def _turning(joined: NDArray[np.bool_], signs: Vector, sizes: Vector) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether determinants have another sign in the next row, and whether they dip in a row, shape (blocks, rows)."""
+    """Whether determinants change sign before the next row, and whether they dip at a row; shape (blocks, rows)."""
     flips, dips = np.zeros(signs.shape, dtype=bool), np.zeros(signs.shape, dtype=bool)
-    kept = signs.copy()  # a row exactly on a zero has the sign of the one before
+    kept = signs.copy()  # a row exactly at a zero gets the sign of the row before
     kept[:, 1:] = np.where(signs[:, 1:] == 0.0, signs[:, :-1], signs[:, 1:])
     flips[:, :-1] = joined & (kept[:, 1:] * kept[:, :-1] < 0.0)
     if signs.shape[1] >= 5:
@@ -265,13 +265,13 @@ def _turning(joined: NDArray[np.bool_], signs: Vector, sizes: Vector) -> tuple[N
 
 
 def _beginning(joined: NDArray[np.bool_], sizes: Vector) -> NDArray[np.bool_]:
-    """Whether a stretch of rows begins at a row with a zero, at the start or an event, shape (blocks, rows - 2)."""
+    """Whether a stretch, after the start or an event, begins at a zero of the determinant; shape (blocks, rows - 2)."""
     first = np.concatenate([[True], ~joined[:-2]]) & joined[:-1] & joined[1:]
     return np.asarray(first & (sizes[:, :-2] < sizes[:, 2:] + np.log(_BEGINS)))
 
 
 def _turns(joined: NDArray[np.bool_], t: Vector, z: Vector) -> NDArray[np.bool_]:
-    """Whether some of the unknowns `z`, shape (size, n), have other slopes before a row and behind it, shape (n,)."""
+    """Whether the slopes of some unknowns `z`, shape (size, n), change at a row; shape (n,)."""
     found = np.zeros(len(t), dtype=bool)
     if len(t) < 5:
         return found
@@ -284,7 +284,7 @@ def _turns(joined: NDArray[np.bool_], t: Vector, z: Vector) -> NDArray[np.bool_]
 
 
 def _windows(joined: NDArray[np.bool_], flips: NDArray[np.intp], dips: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """First and last rows around some flips between a row and the next, and around dips in a row."""
+    """First and last rows of windows around changes of sign (before the next row) and around dips (at a row)."""
     windows: list[tuple[int, int]] = []
     for k, behind in [*((k, 3) for k in flips.tolist()), *((k, 2) for k in dips.tolist())]:
         first, last = max(k - 2, 0), min(k + behind, len(joined))
@@ -300,17 +300,17 @@ def _windows(joined: NDArray[np.bool_], flips: NDArray[np.intp], dips: NDArray[n
 def _crossing(
     problem: Problem, blocks: _Blocks, number: int, window: Rows, ends: Vector, flips: bool, points: int
 ) -> tuple[float, tuple[int, ...]] | None:
-    """Instant of a crossing among a few rows, and the unknowns that it moves; None where there is none.
+    """Return the instant of a crossing in a window, and the unknowns in which solutions differ; None if there is none.
 
-    `ends`: Logarithms of the determinant in the first and the last of these rows.
-    `flips`: Whether its sign is another one in the last.
-    `points`: At which the solution is followed.
+    `ends`: Logarithms of the determinant in the first and the last row of the window.
+    `flips`: Whether its signs there differ.
+    `points`: Number of points at which the solution is continued.
     """
     columns, (t, _, z, _) = blocks.blocks[number].columns, window
     wanted = np.union1d(np.linspace(t[0], t[-1], points), t)[1:]
     try:
         along, signs, sizes = _straight_on(problem, blocks, number, window, wanted)
-    except RuntimeError:  # the solution ends, and the run goes on
+    except RuntimeError:  # the solution ends here, and the run continues on another one
         return (float(np.mean(t)), tuple(columns.tolist())) if flips else None
     changes = signs[1:] * signs[:-1] <= 0.0
     changes &= np.maximum(sizes[1:], sizes[:-1]) < np.log(_POLE) + float(ends.max())
@@ -332,7 +332,7 @@ def _crossing(
 def _straight_on(
     problem: Problem, blocks: _Blocks, number: int, window: Rows, wanted: Vector
 ) -> tuple[Rows, Vector, Vector]:
-    """The solution at some instants as it went on from the first of some rows, and what its determinants are."""
+    """Continue the solution from the first row of a window to some instants; return it with its determinants."""
     x, z = problem.straight_on(window, wanted)
     along = wanted, x, z, np.tile(window[3][:, :1], (1, len(wanted)))
     signs, sizes = blocks.determinants(problem, along)
@@ -342,7 +342,7 @@ def _straight_on(
 def _touching(
     problem: Problem, blocks: _Blocks, number: int, window: Rows, wanted: Vector, end: float
 ) -> tuple[float, tuple[int, ...]] | None:
-    """The place near some instants at which the determinant is zero and has one sign on both sides; None without."""
+    """Return where the determinant touches zero without a change of sign near some instants; None if it does not."""
     for _ in range(_ZOOMS):
         try:
             at = np.linspace(wanted[0], wanted[-1], _POINTS[0])
@@ -357,22 +357,22 @@ def _touching(
 
 
 def _other_solution(problem: Problem, columns: NDArray[np.intp], window: Rows) -> list[tuple[float, tuple[int, ...]]]:
-    """The first row to which the line of the two before leads to another solution, and its unknowns; none or one."""
+    """Return the first row that is on another solution than the two before, and its unknowns; none or one."""
     t, _, z, _ = window
     scale, at = problem.scale_z[columns, None], problem.extrapolated(window)[columns]
     passed = np.abs(z[columns] - z[columns, :1]).max(axis=1, keepdims=True) / scale
-    other = np.abs(at - z[columns, 2:]) / scale > _TURNED * passed + _FAINT  # nan is none
+    other = np.abs(at - z[columns, 2:]) / scale > _TURNED * passed + _FAINT  # false for nan
     return [(float(t[k + 2]), tuple(columns[other[:, k]].tolist())) for k in np.flatnonzero(other.any(axis=0))[:1]]
 
 
 def _place(
     problem: Problem, blocks: _Blocks, number: int, along: Rows, two: list[int], beside: Rows
 ) -> tuple[float, tuple[int, ...]] | None:
-    """The crossing between two points of a solution; None where there is no other one at rows `beside` it.
+    """Return the crossing between two points of a solution; None if there is no other solution at the rows `beside` it.
 
-    The other solution leaves in the direction in which the equations have no slope, and a determinant of zero lies
-    between the two. Where its sign stays along this direction there is one solution: any z solves x * (z - 1) == 0 at x
-    = 0, and y**3 == x has no finite slope there.
+    The other solution departs along the null space of the Jacobian, and between the two lies a zero of the determinant.
+    If its sign does not change along this direction, there is one solution only: any z satisfies x * (z - 1) == 0 at
+    x = 0, and y**3 == x has an infinite slope there.
     """
     block = blocks.blocks[number]
     columns, (before, behind) = block.columns, two
@@ -383,7 +383,7 @@ def _place(
     if len(columns) > _LARGEST:
         return t, tuple(columns.tolist())
     values = np.exp(np.minimum(sizes - sizes.max(), 0.0)) if np.isfinite(sizes.max()) else np.ones(2)
-    share = values[0] / values.sum()  # at a kink there is no point beside its zero, but a mean of both slopes
+    share = values[0] / values.sum()  # at a kink the zero is that of a mean of both Jacobians
     matrix = block.matrices((1 - share) * entries[:1] + share * entries[1:])[0]
     size = np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
     direction = np.linalg.svd(matrix / size)[2][-1]
@@ -398,7 +398,7 @@ def _place(
 
 
 def on_meeting(result: Result) -> tuple[str, ...]:
-    """Those notes of a run that say where solutions meet, or may meet."""
+    """The notes of a run that say where solutions meet, or may meet."""
     notes = result.stats["notes"]
     assert isinstance(notes, tuple)
     return tuple(note for note in notes if _WAYS in note or UNTOLD.rpartition("}")[2] in note)

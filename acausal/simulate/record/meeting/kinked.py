@@ -1,10 +1,9 @@
 """Kinks of algebraic equations at which their solutions meet.
 
-Solutions of |y| == |x| meet at x = 0 where y changes its sign, without a determinant that would fall to zero there: it
-jumps, from -1 to 1. As long as an equation is continuous across a kink of its own unknowns, the signs of its
-determinant on both sides have to be equal, or on one side of the position there are two solutions more than on the
-other (the index of a solution, as in `branches.py`). What jumps (`where(blocks, i, v) == 0`) may have any sign on
-either side.
+Solutions of |y| == |x| meet at x = 0, where y changes its sign. The determinant does not approach zero there, but jumps
+from -1 to 1. If an equation is continuous across a kink of its own unknowns, the determinant has equal signs on both
+sides; otherwise there are two solutions more on one side than on the other (the index of a solution, see
+`branches.py`). Equations that jump (`where(blocks, i, v) == 0`) may have any signs.
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.record import Recorder
 
-_MOST, _JUDGED = 1000, 24  # rows that are looked at, and kinks that are judged
-_NEAR, _ASIDE = 1e-5, 1e-6  # distances from a kink: of the run, and of the points on both sides
-_CHANGES = 1e-3  # what equations change across a kink, by their slopes
-_JUMPS = 1e-2  # what they change along it, by this, where they are continuous
+_MOST, _JUDGED = 1000, 24  # most events and most kinks that are examined
+_NEAR, _ASIDE = 1e-5, 1e-6  # distances from a kink: largest one of the run, and that of the points on both sides
+_CHANGES = 1e-3  # least relative change of the slopes of the equations across a kink
+_JUMPS = 1e-2  # largest change along the kink, as a fraction of that across it, of continuous equations
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +33,11 @@ class _Kinks:
     """Relations of algebraic variables in algebraic equations, and functions of `(t, x, z, u, p, m)`."""
 
     relations: tuple[int, ...]
-    distances: BufferedFunction  # of these
-    slopes: Any  # of the distances and of the equations by states and unknowns, in nominal magnitudes
+    distances: BufferedFunction  # their distance functions
+    slopes: Any  # Jacobians of distances and equations by states and unknowns, in nominal magnitudes
 
 
-# None for models without.
+# None for models without such kinks.
 _KNOWN: WeakKeyDictionary[CompiledModel, _Kinks | None] = WeakKeyDictionary()
 
 
@@ -59,7 +58,7 @@ def _kinks(compiled: CompiledModel) -> _Kinks | None:
 
 
 def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, tuple[int, ...]]]:
-    """The first kink of a run at which solutions meet, and the unknowns that pass it; none or one."""
+    """Return the first kink of a run at which solutions meet, and the unknowns that pass it; none or one."""
     kinks = _kinks(problem.compiled) if problem.compiled.algebraic and problem.compiled.state_events else None
     if kinks is None:
         return []
@@ -79,7 +78,7 @@ def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, 
 
 
 def meeting_relations(problem: Problem, t: float, x: Vector, z: Vector, m: Vector) -> tuple[str, ...]:
-    """Texts of the relations at whose change solutions meet, judged with the slopes at this point."""
+    """Return the texts of the relations at whose change solutions meet, by the slopes at this point."""
     compiled = problem.compiled
     kinks = _kinks(compiled) if compiled.algebraic and compiled.state_events else None
     at, own = (t, x, z, problem.u, problem.p, m), kinks.relations if kinks else ()
@@ -88,7 +87,7 @@ def meeting_relations(problem: Problem, t: float, x: Vector, z: Vector, m: Vecto
 
 
 def _meeting(problem: Problem, kinks: _Kinks, j: int, at: tuple[Any, ...], near: float = _NEAR) -> tuple[int, ...]:
-    """Unknowns of a kink, if the determinant has another sign behind it; none if not, or farther away than `near`."""
+    """Return the unknowns of a kink at which the determinant changes sign; none without, or beyond `near`."""
     t, x, z, u, p, m = at
     nx, first = len(x), len(m) - len(problem.compiled.state_events.relations)
     normal = np.array(kinks.slopes(*at)[0])[j]

@@ -1,14 +1,14 @@
 """Singular positions of mechanisms that a run has passed.
 
-Where constraints of positions depend on each other, a mechanism can go on in more than one way: a parallelogram that
-is stretched out also folds back. Its inertia decides, but only as long as it is exactly on the constraints: beside them
-by as little as a tolerance the two ways become two branches, and a solver with small steps turns off from one into the
-other. Which of them a run took is told by nothing but rounding, so a note says where that was.
+Where the constraints of positions depend on each other, a mechanism can continue in more than one way: a parallelogram
+that is stretched out can also fold back. Its inertia decides, but only exactly on the constraints. As little as a
+tolerance away from them, the two motions become separate branches, and a solver with small steps may change from one to
+the other. Rounding errors decide which one a run takes, so a note says where that was.
 
-On a way through such a position the least singular value of the Jacobian falls to zero and rises again, both linearly.
-A mechanism that only comes near turns before. Rows are too far apart to see which it was, but not these two signs: a
-minor of the Jacobian that has changed its sign was zero in between; and where the motion turned off, velocities differ
-by far more than the rates on both sides tell.
+On the way through such a position the smallest singular value of the Jacobian falls to zero and rises again, both
+linearly; if the mechanism only comes near, it turns before. Rows are too far apart to distinguish these, but there are
+two signs: a minor of the Jacobian that changes its sign was zero in between; and if the motion changed to another
+branch, velocities differ by far more than the rates on both sides explain.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from acausal.arrays import Vector
 from acausal.simulate.record.project import constraints
 from acausal.simulate.record.record import Recorder
 
-_RANK = 1e-9  # smallest singular value that counts, by the largest
-_NEAR = 0.3  # the least singular value of rows beside such a position, by its largest of the run
-_ALIKE = 0.5  # how far apart both sides may see the zero, in distances of rows
-_TURNED = 0.3  # what rates leave unexplained of a change, by the size of the state
+_RANK = 1e-9  # ratio to the largest singular value below which another counts as zero
+_NEAR = 0.3  # ratio of the smallest singular value near such a position to its maximum over the run
+_ALIKE = 0.5  # how far apart the zeros extrapolated from both sides may be, in distances of rows
+_TURNED = 0.3  # change of a state that its rates do not explain, relative to its size
 
 
 def singular_positions(recorder: Recorder) -> tuple[str, ...]:
-    """The note on singular positions of closed loops between the rows of a run."""
+    """Return the note on singular positions of closed loops between the rows of a run."""
     structure = recorder.compiled.solution.structure
     stated = [k for k, (e, _) in enumerate(structure.invariants) if e not in structure.integral]
     if not stated or recorder.count < 5:
@@ -43,12 +43,12 @@ def singular_positions(recorder: Recorder) -> tuple[str, ...]:
     return (
         f"near t = {times[found[0]]:.4g} s{more} the mechanism passes a position, stretched out or folded, in which "
         "its constraints depend on each other and from which it can go on in more than one way: rounding decides which "
-        "of them a run takes; look at the motion behind it, and compare solvers",
+        "of them a run takes; look at the motion after it, and compare solvers",
     )
 
 
 def _turning(times: Vector, slopes: Vector) -> list[int]:
-    """Rows at which the least singular value turns as if it were zero beside them; never beside an event."""
+    """Return rows at which the smallest singular value turns as if it were zero nearby; never next to an event."""
     sizes = np.linalg.svd(slopes, compute_uv=False)
     rank = int((sizes > _RANK * sizes[:, :1]).sum(axis=1).max(initial=0))
     if not rank:
@@ -69,8 +69,8 @@ def _turning(times: Vector, slopes: Vector) -> list[int]:
 
 
 def _is_passed(slopes: Vector, k: int) -> bool:
-    """Whether the largest minor of the row before has another sign in the row behind."""
-    import scipy.linalg  # a tenth of a second, which only runs with such rows have to wait for
+    """Whether the largest minor in the row before has changed its sign in the row after."""
+    import scipy.linalg  # the import takes a tenth of a second, and few runs need it
 
     *_, order = scipy.linalg.qr(slopes[k - 1], mode="economic", pivoting=True)
     rows, columns = slopes.shape[1:]
@@ -82,7 +82,7 @@ def _is_passed(slopes: Vector, k: int) -> bool:
 
 
 def _turns_off(recorder: Recorder, k: int) -> bool:
-    """Whether some state changed beside that row by what the rates on both sides do not tell."""
+    """Whether the rates on both sides do not explain the change of some state around that row."""
     times, x, z, m = recorder.rows()
     before, behind = (
         np.array(recorder.compiled.rhs(times[j], x[:, j], z[:, j], recorder.u, recorder.p, m[:, j])[0]).ravel()
