@@ -1,7 +1,7 @@
 """Review of a run for holes that overlap, and for drills that come down beside the hole that they have cut.
 
-A drilling force has one hole, whose ground is its state. Its place would take more states; the record of a run has it.
-The relation of the touch is located, so there is a row at each entry, however far apart the outputs are.
+A drilling force has one hole, whose depth is a state. The position of the hole would need more states, but the record
+of a run has it. The touch is a located event, so there is a row at each entry, however far apart the outputs are.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from acausal import Result
 from acausal.library.drilling.holes import ALONG, Hole, named
 
 Array = NDArray[np.float64]
-# By their entries: a vector is put together from the names of all signals of the run.
+# Entry by entry, because reading a whole vector describes all signals of the run.
 _TIP, _AXIS = (tuple(f"geometry.{name}[{k}]" for k in range(3)) for name in ("tip", "axis"))
 _SIGNALS = ("s", "s_tar", "d", "sigma", "geometry.s_exit", *_TIP, *_AXIS)
 _CUT = 0.01
-"""Ratio of the depth of a hole to its diameter below which the tip has only touched."""
+"""Ratio of depth to diameter below which the tip has only touched the workpiece."""
 _THIN = 1e-7
 """Layer [m] at the end of a hole that is ignored, since plates that lie on each other have a common face."""
 
@@ -29,8 +29,9 @@ _THIN = 1e-7
 def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> list[str]:
     """Notes AC194 of single drilling forces, and AC192 of those in one frame of a workpiece; `paths` are theirs.
 
-    Frames are one where they are connected, by `scalars`: those of two models side by side may lie in one place. There
-    are no such numbers for a scene whose structure changes, which tells of holes itself.
+    Two forces share a workpiece if their frames are connected (equal numbers in `scalars`); frames of two models side
+    by side may coincide without being connected. A scene whose structure changes has no such numbers and notes
+    overlapping holes itself.
     """
     known = [path for path in paths if all(f"{path}.{name}" in run.signals for name in _SIGNALS)]
     if len(known) == 1 and _is_led(run, known[0]):
@@ -45,7 +46,7 @@ def review(run: Result, paths: Sequence[str], scalars: Mapping[str, int]) -> lis
 
 
 def _is_led(run: Result, path: str) -> bool:
-    """Whether the drill cannot leave its axis, as the compiler has found: nothing has to be computed then."""
+    """Whether the compiler has found that the drill cannot leave its axis, so that nothing has to be computed."""
     return all(run.signals[f"{path}.{name}"].column is None for name in (*_TIP[:2], *_AXIS))
 
 
@@ -61,7 +62,7 @@ def _overlapping(groups: Iterable[list[Hole]]) -> Iterator[str]:
 
 @dataclass(frozen=True, eq=False)
 class _Cut:
-    """The drill at the rows at which its tip is in a hole that has been cut: entry [m] and direction, shape (n, 3)."""
+    """The rows of a run at which the tip is in the hole: entry [m] and direction of the drill, shape (n, 3)."""
 
     path: str
     d: float
@@ -85,7 +86,7 @@ class _Cut:
         return cls(path, d, sigma, depth, rows, run.time[rows], entry, axis[rows], float(through.max(initial=0.0)))
 
     def beside(self) -> str:
-        """Note on the instant at which the drill is first beside the hole that it began to cut; "" if it never is."""
+        """Return the note on the first instant at which the drill is beside its hole; "" if it never is."""
         off = np.linalg.norm(np.cross(self.entry - self.entry[0], self.axis[0]), axis=1)
         away = np.flatnonzero((off > self.d / 4) | (self.axis @ self.axis[0] < ALONG))
         if not len(away):
@@ -94,10 +95,10 @@ class _Cut:
         drawn_out = self.rows[k] - self.rows[0] > k
         how = "comes down" if drawn_out else "is moved"
         why = (
-            "this force has one hole only, wherever the drill enters first: elsewhere there is no force down to the "
-            "ground of that one; a DrillBody of a ContactScene makes new holes"
+            "this force has one hole only, where the drill entered first: elsewhere it acts only below the depth of "
+            "that hole; a DrillBody of a ContactScene makes new holes"
             if drawn_out
-            else "the hole goes along, and nothing acts across the axis"
+            else "the hole moves with it, and no force acts across the axis"
         )
         where = f"{1e3 * off[k]:.3g} mm beside its hole" if off[k] > self.d / 4 else "across its hole"
         return f"t = {self.times[k]:.9g} s: {self.path}: AC194: the drill {how} {where}: {why}"
