@@ -117,9 +117,8 @@ def linearize(
     model
         A component or a compiled model.
     t
-        Time [s]; None: the start of the model's experiment, or the end of `result`. When a source switches at this
-        time, the values after it are used. Without `result` the states are those of the start at any time: nothing is
-        simulated.
+        Time [s]; None: the start of the model's experiment, or the end of `result`. If a source switches then, values
+        after it are used. Without `result` the states are those of the start, since nothing is simulated.
     x
         Values of states and discrete variables by name; other states have the values of the start or of `result`,
         projected onto the constraints.

@@ -14,6 +14,8 @@ from acausal.errors import UsageError, meant
 from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, check_values, entries
 from acausal.language.declarations.experiment import Experiment
+from acausal.lower.cache.cache import choices_hold_for
+from acausal.lower.cache.divisors import shrunken_divisor
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.solvers.segment import Tolerances
@@ -24,6 +26,9 @@ _FINEST_TOLERANCE = 1e-14
 _FIXED_STEP = ("auto", "rk", "rk2", "collocation")
 # Solvers that always choose their steps, and cannot take fixed ones.
 _ADAPTIVE = ("idas", "cvodes")
+
+# Ratio of a divisor to its value at compile time below which quotients have lost half of their digits.
+_LOST = 1e-8
 
 
 @dataclass(frozen=True)
@@ -153,7 +158,8 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
     """Values of the free parameters, shape (np,), with the given ones replaced.
 
     Raises UsageError: AC020 for an unknown name, AC022 for a parameter that depends on others in this compiled model,
-    AC023 for a value that is no number or has another shape.
+    AC023 for a value that is no number or has another shape, AC029 for values for which the model would be compiled to
+    other states or pivots.
     Raises DeclarationError: AC136 for a value outside its limits, AC139 for values that contradict each other.
     """
     p = np.array(compiled.parameter_values, dtype=float)
@@ -191,7 +197,25 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
                 check_limit(declaring.path, name.removeprefix(declaring.path), declaring.declaration, number)
             p[index[name]] = number
     check_values(compiled.flat, p.tolist())
+    _check_choices(compiled, p.tolist())
     return p
+
+
+def _check_choices(compiled: CompiledModel, values: list[float]) -> None:
+    """Raise UsageError AC029 unless what was decided by the values at compile time also holds for these."""
+    fact, evidence, cause = "", "", "whether a constraint determines its variables depends on the values of parameters"
+    if not choices_hold_for(compiled, values):
+        fact, evidence = "other states", f"its states: {', '.join(compiled.states[:6])}"
+    elif shrunk := shrunken_divisor(compiled, values, _LOST):
+        fact, evidence, cause = "other pivots", shrunk, "a quotient by a rounding error has no digits"
+    if fact:
+        raise UsageError(
+            "AC029",
+            f"{compiled.name} has {fact} with these parameters than those it was compiled with",
+            evidence=[evidence],
+            cause=cause,
+            help="compile it with these values: acausal.compile(model, parameters={...})",
+        )
 
 
 def input_vector(compiled: CompiledModel, given: Mapping[str, float], unchecked: Collection[str] = ()) -> Vector:

@@ -13,8 +13,6 @@ from acausal.flatten.instances.instances import changing
 from acausal.flatten.parameters import unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component
-from acausal.lower.cache.cache import choices_hold_for
-from acausal.lower.cache.divisors import shrunken_divisors
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
@@ -87,9 +85,8 @@ def simulate(
         Names of variables: only the equations on which these depend are simulated (see `compile(model, outputs=...)`).
         Only for components; components whose contacts change the structure are simulated completely.
     native
-        True compiles the equations to C, False interprets them. None uses code that is already compiled, and compiles
-        if the run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted; results are the
-        same.
+        True compiles the equations to C, False interprets them. None uses compiled code if there is some, and compiles
+        if the run is long (docs/devdocs/native.md). Without a C compiler everything is interpreted, with equal results.
     force
         True runs even with a fixed step that is too large to be stable, which is otherwise refused (AC405).
     progress
@@ -117,12 +114,18 @@ def simulate(
         return accurate
     opts = options(compiled.flat.experiment, **given)
     result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
+    return _with_remarks(result, _remarks(compiled, result, values or {}, start or {}))
+
+
+def _remarks(
+    compiled: CompiledModel, result: Result, values: Mapping[str, object], start: Mapping[str, object]
+) -> list[str]:
+    """Notes on parameters and starts that were given for a run, and those of components that review it."""
     remarks = list(unheard_parameters(compiled.flat, values) if values else ())
-    remarks += shrunken_divisors(compiled, parameter_vector(compiled, values).tolist()) if values else ()
     remarks += _start_remarks(result, discrete_starts(compiled, start) if start else {})
     if reviewing := compiled.flat.reviewing:
         remarks += reviews(reviewing, result, {v.path: v.first for v in compiled.flat.variables})
-    return _with_remarks(result, remarks)
+    return remarks
 
 
 def _start_remarks(result: Result, starts: Mapping[str, float]) -> list[str]:
@@ -162,11 +165,9 @@ def _result(
     A run that fails because a pivot vanishes is repeated with other pivots. A run that fails with the solver that
     `auto` chose is repeated with IDAS.
 
-    Raises UsageError: AC029 for parameters for which the model would have other states.
+    Raises UsageError: AC029 for parameters for which the model would be compiled to other states or pivots.
     """
     p = parameter_vector(compiled, parameters)
-    if parameters:
-        _check_choices(compiled, p)
     given = given_inputs(compiled, inputs, chosen.start_time, chosen.stop_time, chosen.tolerances)
     first_failure: tuple[float, IntegrationError] | None = None
     tried = ""
@@ -205,17 +206,6 @@ def _recipe(model: Component | CompiledModel, parameters: Mapping[str, object] |
             parameter_vector(model, parameters)  # refuses invalid ones
         return replace(model.recipe, parameters={**model.recipe.parameters, **(parameters or {})})
     return Recipe(model, dict(parameters or {})) if changing(model) else None
-
-
-def _check_choices(compiled: CompiledModel, p: Vector) -> None:
-    if not choices_hold_for(compiled, p.tolist()):
-        raise UsageError(
-            "AC029",
-            f"{compiled.name} has other states with these parameters than those it was compiled with",
-            evidence=[f"its states: {', '.join(compiled.states[:6])}"],
-            cause="whether a constraint determines its variables depends on the values of its parameters",
-            help="compile it with these values: acausal.compile(model, parameters={...})",
-        )
 
 
 def _compiled(

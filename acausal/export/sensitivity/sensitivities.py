@@ -94,10 +94,9 @@ def sensitivities(
     outputs
         Names of variables, as in a `Result`.
     values
-        Values of parameters for this run, by path, in SI.
+        Parameter values of this run, by path, in SI.
     method
-        "forward" integrates a column per parameter; "adjoint" does this, too, to find the steps, and then a row per
-        output and event backwards. Results are equal.
+        "forward" integrates a column per parameter; "adjoint" then a row per output and event backwards, too.
     times
         Additional instants [s], shape (times,), at which the outputs are differentiated.
     native

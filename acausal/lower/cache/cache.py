@@ -21,7 +21,7 @@ from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.analyse.start import start_problem
 from acausal.flatten.flat import FlatSystem
 from acausal.language.declarations.declaration import Declaration
-from acausal.lower.cache.divisors import shrunken_divisors
+from acausal.lower.cache.divisors import shrunken_divisor
 from acausal.lower.cache.stored import find, keep
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import gradients
@@ -31,6 +31,8 @@ from acausal.recent import Recent
 Signature = tuple[Any, ...]
 
 _MOST_MODELS = 32
+# Ratio of a divisor to its value at compile time below which other pivots may be better.
+_SHRUNK = 1e-6
 _MOST_NODES = 1_000_000
 _MOST_EQUATIONS = 200
 # Types of nearly all values; checking for abstract classes takes ten times as long.
@@ -112,7 +114,7 @@ def recall(key: Signature, flat: FlatSystem) -> CompiledModel | None:
         return recalled
     _ = entry.compiled.constant_divisors  # kept by the models for other values, which compare theirs with them
     model = _with_values(entry.compiled, flat)
-    if shrunken_divisors(model, model.parameter_values):
+    if shrunken_divisor(model, model.parameter_values, _SHRUNK):
         return None
     points = model.solution.structure.points
     for variable, node in model.solution.definitions:

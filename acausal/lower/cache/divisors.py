@@ -12,20 +12,13 @@ from collections.abc import Sequence
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 
-SHRUNK = 1e-6
-"""Ratio of a divisor to its value at compile time below which it counts as a rounding error."""
 
-
-def shrunken_divisors(compiled: CompiledModel, parameters: Sequence[float]) -> list[str]:
-    """Note on the first divisor that is nonzero, but far smaller with these parameters than when pivots were chosen."""
+def shrunken_divisor(compiled: CompiledModel, parameters: Sequence[float], ratio: float) -> str:
+    """Describe the first nonzero divisor below `ratio` times its value when pivots were chosen; "" if none is."""
     pool, names = compiled.solution.structure.reduced.pool, compiled.parameters
     found = values(pool, compiled.constant_divisors, {"par": parameters.__getitem__, "time": lambda _: 0.0})
     for node, size in compiled.constant_divisors.items():
-        if 0.0 < abs(found[node]) < SHRUNK * size:
+        if 0.0 < abs(found[node]) < ratio * size:
             used = [names[pool.nodes[n][1]] for n in pool.reachable([node]) if pool.nodes[n][0] == "par"]
-            return [
-                f"the equations divide by an expression of {', '.join(used[:3])} that has shrunk from {size:.3g} to "
-                f"{abs(found[node]):.3g} since the model was compiled, and results may have lost digits; compile it "
-                "with these values: acausal.compile(model, parameters={...})"
-            ]
-    return []
+            return f"{', '.join(used[:3])}: a divisor has shrunk from {size:.3g} to {abs(found[node]):.3g}"
+    return ""

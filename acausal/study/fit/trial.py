@@ -15,7 +15,6 @@ from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
 from acausal.export.sensitivity.chain import Chain
 from acausal.export.sensitivity.two_sided import refuse_two_sided
-from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_starts
 from acausal.result.result import Result
@@ -233,8 +232,9 @@ def differentiated_run(
     """
     without_inputs = {k: v for k, v in options.items() if k != "inputs"}
     chosen = run_options(compiled.flat.experiment, **without_inputs)
-    p = parameter_vector(compiled, parameters)
-    if not choices_hold_for(compiled, p.tolist()):
+    try:
+        p = parameter_vector(compiled, parameters)
+    except UsageError:  # a plain run says why
         return None
     inputs = given_inputs(compiled, options["inputs"], chosen.start_time, chosen.stop_time, chosen.tolerances)
     if inputs.places:

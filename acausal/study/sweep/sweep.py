@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict, Unpack
@@ -228,9 +228,12 @@ def _compiled(
 
 
 def _check_names(compiled: CompiledModel, names: tuple[str, ...], values: Vector) -> None:
-    """Raise UsageError for wrong names; a value outside its limits only fails its member."""
-    with suppress(DeclarationError):
+    """Raise UsageError for wrong names; values outside of limits, or for other states, only fail their member."""
+    try:
         parameter_vector(compiled, dict(zip(names, values[0].tolist(), strict=True)))
+    except (DeclarationError, UsageError) as error:
+        if isinstance(error, UsageError) and error.code != "AC029":
+            raise
 
 
 def _task(
