@@ -278,7 +278,7 @@ class FlatSystem:
         return tuple(names)
 
     @cached_property
-    def heard(self) -> frozenset[int]:
+    def parameters_in_use(self) -> frozenset[int]:
         """Nodes of the parameters that an equation, a start, an event or a condition depends on."""
         roots = [n for e in (*self.equations, *self.initial_equations) for n in (e.left, e.right)]
         for w in self.whens:

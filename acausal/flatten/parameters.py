@@ -400,5 +400,5 @@ def unheard_parameters(flat: FlatSystem, names: Iterable[str]) -> tuple[str, ...
     return tuple(
         f"{p.path} is set, but nothing in the model depends on it"
         for p in flat.parameters
-        if p.path in requested and p.free and flat.heard.isdisjoint(p.nodes)
+        if p.path in requested and p.free and flat.parameters_in_use.isdisjoint(p.nodes)
     )

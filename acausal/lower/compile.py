@@ -42,7 +42,7 @@ from acausal.lower.lowered import Recipe
 from acausal.numeric.samples import Visited
 from acausal.reduce.confine import confined
 from acausal.reduce.freeze import freeze as fold_parameters
-from acausal.reduce.select import Left, select
+from acausal.reduce.select import Dropped, select
 
 _MOST_ROUNDS = 20
 _NO_KINKS = LocatedKinks()
@@ -123,7 +123,7 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         return select(solved(flattened(chosen), formulation), poses, (), formulation)[0]
 
     with collector_paused():
-        confined_parts: tuple[Left, ...] = ()
+        confined_parts: tuple[Dropped, ...] = ()
         if outputs is not None and choices is None:
             choices, confined_parts = confined(model, needed)
             clock.lap("confine")
@@ -144,7 +144,7 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         selection = None
         if is_reduced_model:
             solution, selection = select(solution, requested, quasi_static, formulation)
-            selection = replace(selection, left=(*confined_parts, *selection.left))
+            selection = replace(selection, dropped=(*confined_parts, *selection.dropped))
             clock.lap("select")
         compiled = replace(lower(solution), selection=selection)
         clock.lap("lower")

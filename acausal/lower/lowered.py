@@ -103,7 +103,7 @@ class Lowered:
         return self.solution.structure.reduced.flat
 
     @property
-    def asked(self) -> tuple[str, ...]:
+    def requested_outputs(self) -> tuple[str, ...]:
         """The outputs for which a reduced model was compiled; empty for a full model."""
         return (self.selection.outputs or ()) if self.selection is not None else ()
 

@@ -22,14 +22,14 @@ from acausal.language.choices import Choice, is_changing
 from acausal.language.component import Component
 from acausal.reduce.motionless import bounds
 from acausal.reduce.outputs import output_scalars
-from acausal.reduce.select import Left
+from acausal.reduce.select import Dropped
 
 CONTACT = "contact"
 Solved = Callable[[Sequence[str], Mapping[str, Choice]], Solution]
 """Returns the solution that some signals need, for the model with these choices."""
 
 
-def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Left, ...]]:
+def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple[Dropped, ...]]:
     """Choices with the contacts that can occur, by path, and the contacts that were left out.
 
     Raises UsageError: AC027 if contacts are kept that change the structure during a run, such as drills that make
@@ -43,7 +43,7 @@ def confined(model: Component, solved: Solved) -> tuple[dict[str, Choice], tuple
         growing = [path for path, (_, grown) in extended.items() if grown]
     for path, choice in choices.items():
         refuse_unsteady(type(model).__name__, {path: choice}, "it cannot be reduced")
-    return choices, tuple(Left(CONTACT, f"{path}: {n}", why) for path, c in choices.items() for n, why in c.apart())
+    return choices, tuple(Dropped(CONTACT, f"{path}: {n}", why) for path, c in choices.items() for n, why in c.apart())
 
 
 def _extended(path: str, choices: Mapping[str, Choice], solved: Solved) -> tuple[Choice, bool]:

@@ -17,7 +17,7 @@ _MOST_ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class Left:
+class Dropped:
     """Something that is not part of the reduced model; `kind` is one of KINDS."""
 
     kind: str
@@ -34,7 +34,7 @@ class Selection:
 
     outputs: tuple[str, ...] | None  # full names of the requested outputs; None if all were requested
     constant: tuple[str, ...]  # those of them that depend on parameters only
-    left: tuple[Left, ...]  # parts of the full model that this one lacks, with the reasons
+    dropped: tuple[Dropped, ...]  # parts of the full model that this one lacks, with the reasons
 
 
 def select(
@@ -48,23 +48,23 @@ def select(
     """
     flat = solution.structure.reduced.flat
     scalars = output_scalars(flat, outputs) if outputs is not None else None
-    left = [Left("parameter", name, "frozen: a number now") for name in flat.frozen]
+    dropped = [Dropped("parameter", name, "frozen: a number now") for name in flat.frozen]
     if at_once:
         full = solution
         solution = quasi_static(full, at_once, formulation)
         name = full.structure.reduced.name
         removed = [name(x) for x in full.structure.states if x not in solution.structure.states]
-        left += [Left("quasi-static", x, "follows instantaneously, as requested") for x in removed]
+        dropped += [Dropped("quasi-static", x, "follows instantaneously, as requested") for x in removed]
     solution, fixed = _folded(solution, formulation)
-    left += _constant(solution, fixed)
+    dropped += _constant(solution, fixed)
     solution = fold(solution, fixed)
     if scalars is None:
-        return solution, Selection(None, (), tuple(dict.fromkeys(left)))
+        return solution, Selection(None, (), tuple(dict.fromkeys(dropped)))
     whole, solution = solution, restrict(solution, tuple(scalars.values()))
-    left += _without_effect(whole, solution)
+    dropped += _without_effect(whole, solution)
     reduced = whole.structure.reduced
     constant = [n for n, s in scalars.items() if not reduced.pool.varies(reduced.image[s])]
-    return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(left)))
+    return solution, Selection(tuple(scalars), tuple(constant), tuple(dict.fromkeys(dropped)))
 
 
 def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
@@ -86,30 +86,31 @@ def _folded(solution: Solution, formulation: str) -> tuple[Solution, Constants]:
     return solution, fixed
 
 
-def _constant(solution: Solution, fixed: Constants) -> list[Left]:
+def _constant(solution: Solution, fixed: Constants) -> list[Dropped]:
     reduced = solution.structure.reduced
-    left = [
-        Left("motionless", reduced.name(x), f"stays at {reduced.text(fixed.variables[x])}")
+    dropped = [
+        Dropped("motionless", reduced.name(x), f"stays at {reduced.text(fixed.variables[x])}")
         for x in solution.structure.states
         if x in fixed.variables
     ]
     for number, holds in fixed.relations.items():
-        left.append(Left("relation", reduced.text(number), "always holds" if holds else "never holds"))
-    return left
+        dropped.append(Dropped("relation", reduced.text(number), "always holds" if holds else "never holds"))
+    return dropped
 
 
-def _without_effect(whole: Solution, part: Solution) -> list[Left]:
+def _without_effect(whole: Solution, part: Solution) -> list[Dropped]:
     reduced, kept = whole.structure.reduced, part.structure.reduced
     why = "no output depends on it"
     states, unknowns = set(part.structure.states), set(part.algebraic)
-    left = [Left("state", reduced.name(x), why) for x in whole.structure.states if x not in states]
-    left += [Left("unknown", reduced.name(z), why) for z in whole.algebraic if z not in unknowns]
+    dropped = [Dropped("state", reduced.name(x), why) for x in whole.structure.states if x not in states]
+    dropped += [Dropped("unknown", reduced.name(z), why) for z in whole.algebraic if z not in unknowns]
     sources = [w.source for w in kept.flat.whens]
-    left += [Left("event", str(w.source), why) for w in reduced.flat.whens if not any(w.source is s for s in sources)]
+    lost = [w.source for w in reduced.flat.whens if not any(w.source is s for s in sources)]
+    dropped += [Dropped("event", str(source), why) for source in lost]
     messages = [a.source for a in kept.flat.asserts]
-    left += [
-        Left("assert", a.message, "its variables were left out")
+    dropped += [
+        Dropped("assert", a.message, "its variables were left out")
         for a in reduced.flat.asserts
         if not any(a.source is m for m in messages)
     ]
-    return left
+    return dropped

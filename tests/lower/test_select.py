@@ -58,7 +58,7 @@ def run(compiled: CompiledModel, **options: Any) -> acausal.Result:
 
 def left(compiled: CompiledModel, kind: str) -> set[str]:
     assert compiled.selection is not None
-    return {item.name for item in compiled.selection.left if item.kind == kind}
+    return {item.name for item in compiled.selection.dropped if item.kind == kind}
 
 
 def test_only_the_cone_of_an_output_is_kept() -> None:

@@ -51,7 +51,7 @@ class LocatedKinks:
     """Relations that decide the active side of kinks: `watched` nodes, which no equation contains."""
 
     watched: tuple[int, ...] = ()
-    left: tuple[int, ...] = ()
+    unlocated: tuple[int, ...] = ()
     """Relations of kinks that are not located, because there are too many."""
     bursts: bool = False
     """Whether there are bursts, whose values near underflow are replaced (`acausal.analyse.events.underflow`)."""
@@ -109,8 +109,8 @@ def located_kinks(
         kept = [n for n in group if n in rates] if len(group) > MOST and not choices.isdisjoint(group) else group
         watched.update(kept[:MOST_PLAIN])
     unlocated = set(relations) - watched
-    watched_relations, left_out = (tuple(n for n in relations if n in selected) for selected in (watched, unlocated))
-    return LocatedKinks(watched_relations, left_out, bursts)
+    watched_relations, others = (tuple(n for n in relations if n in selected) for selected in (watched, unlocated))
+    return LocatedKinks(watched_relations, others, bursts)
 
 
 def _images(reduced: ReducedSystem, nodes: Sequence[int], done: dict[int, int]) -> list[int]:

@@ -63,10 +63,10 @@ def with_watched(compiled: CompiledModel, relative: float, *, branches: bool = F
         if (numbers, branches) not in variants:
             variants[numbers, branches] = _watched(compiled, roots, numbers, branches)
     model, note = variants[numbers, branches]
-    return model or compiled, note, _tables_left(unlocated_ends) if unlocated_ends else ""
+    return model or compiled, note, _note_on_tables(unlocated_ends) if unlocated_ends else ""
 
 
-def _tables_left(count: int) -> str:
+def _note_on_tables(count: int) -> str:
     return (
         f"no step ends at {count} points of tables of a variable, because very many have about the same distance and "
         "the same change of slope: a step may pass several at once; max_step bounds it"
@@ -79,7 +79,7 @@ def _watched(compiled: CompiledModel, roots: Sequence[int], numbers: tuple[int, 
     model, kinks = _lowered(compiled, roots, numbers, branches, lambda node: partition()(node))
     if len(kinks.watched) > MOST and model is not None and not subsystems(model):
         model, kinks = _lowered(compiled, roots, numbers, branches, lambda node: 0)
-    return model, _note_on_unwatched(compiled, kinks) if kinks.left else ""
+    return model, _note_on_unwatched(compiled, kinks) if kinks.unlocated else ""
 
 
 def _lowered(
@@ -115,7 +115,7 @@ def _note_on_unwatched(compiled: CompiledModel, kinks_found: LocatedKinks) -> st
         ]
         return " against ".join(reduced.text(n, _WIDTH) for n in inside)
 
-    unlocated = kinks_found.left
+    unlocated = kinks_found.unlocated
     texts = "; ".join(text_of(n) for n in unlocated[:_MOST_NAMED])
     more = f"; and {len(unlocated) - _MOST_NAMED} more" if len(unlocated) > _MOST_NAMED else ""
     total = len(unlocated) + len(kinks_found.watched)

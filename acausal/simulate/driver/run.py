@@ -464,7 +464,7 @@ class Run:
             **recorder.counters,
             "segments": recorder.segments,
             "native": any(n.used for n in used),
-            "outputs": self.compiled.asked,
+            "outputs": self.compiled.requested_outputs,
             "notes": tuple(
                 dict.fromkeys((*self.compiled.flat.notes, *notes, *later_notes, *used[-1].notes(solvers[-1])))
             ),

@@ -29,7 +29,7 @@ def lag(full: CompiledModel, reduced: CompiledModel, result: Result) -> dict[str
     not included.
     """
     selection = reduced.selection
-    fast = [item.name for item in selection.left if item.kind == "quasi-static"] if selection is not None else []
+    fast = [item.name for item in selection.dropped if item.kind == "quasi-static"] if selection is not None else []
     rows = [k for k, name in enumerate(full.states) if name in fast]
     if not rows:
         return None

@@ -21,7 +21,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.reduce.cone import dependence, restrict
 from acausal.reduce.freeze import ZEROS
 from acausal.reduce.outputs import output_scalars
-from acausal.reduce.select import KINDS, Left
+from acausal.reduce.select import KINDS, Dropped
 from acausal.result.result import Result, Signal
 from acausal.simulate.restructure.joined import renamed
 from acausal.simulate.restructure.restructure import lasting_names
@@ -73,7 +73,7 @@ class Reduction:
     full: CompiledModel
     before: Counts
     after: Counts
-    dropped: tuple[Left, ...]
+    dropped: tuple[Dropped, ...]
     islands: tuple[Island, ...]
     comparison: Comparison | None
     hints: tuple[str, ...]
@@ -210,7 +210,7 @@ def reduce(
         full=full,
         before=counts(full, len(full.flat.equations)),
         after=counts(compiled),
-        dropped=selection.left,
+        dropped=selection.dropped,
         islands=islands(compiled, names),
         comparison=_comparison(model, full, compiled, parameters, repeat, options) if compare else None,
         hints=_hints(model, compiled, outputs, parameters, formulation, freeze),
@@ -227,11 +227,11 @@ def _comparison(
 ) -> Comparison:
     """Comparison of both models; a scene with changing contacts runs once, in pieces, with lasting contact names."""
     if not changing(model):
-        return compare_runs(full, compiled, compiled.asked, repeat, options)
+        return compare_runs(full, compiled, compiled.requested_outputs, repeat, options)
     names = lasting_names(model)
     given: Any = parameters
     runs = {"full": partial(simulate, model, parameters=given), "reduced": partial(simulate, compiled)}
-    return compare_runs(full, compiled, compiled.asked, 1, options, runs, lambda name: renamed(name, names))
+    return compare_runs(full, compiled, compiled.requested_outputs, 1, options, runs, lambda name: renamed(name, names))
 
 
 def counts(compiled: CompiledModel, equations: int | None = None) -> Counts:
@@ -291,7 +291,7 @@ def _name_list(names: Sequence[str], most: int = _MOST_NAMES) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
-def _by_reason(items: Sequence[Left]) -> Iterator[str]:
+def _by_reason(items: Sequence[Dropped]) -> Iterator[str]:
     """One line for each reason, with its names."""
     reasons: dict[str, list[str]] = {}
     for item in items:
