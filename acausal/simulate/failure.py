@@ -30,7 +30,7 @@ from acausal.simulate.record.project import constraints
 from acausal.simulate.solvers.segment import Segment
 from acausal.simulate.start.finite import UNDEFINED, Undefined, first_undefined
 
-_ELSEWHERE = "look at these variables around that time; try another solver (--solver rosenbrock) or tolerance"
+_ELSEWHERE = "look at these variables around that time; try another solver (--solver {other}) or tolerance"
 # For a keyword in the solver's message: code, fact, cause and remedy.
 _BY_KEYWORD: tuple[tuple[str, str, str, str, str], ...] = (
     (
@@ -38,7 +38,7 @@ _BY_KEYWORD: tuple[tuple[str, str, str, str, str], ...] = (
         "AC401",
         "needs more steps than allowed, because it makes hardly any progress",
         "a fast motion that never ends, a switch that chatters, or a tolerance below the rounding errors of the model",
-        "`acausal stability MODEL` shows which mode is fast and which solver suits it (mostly --solver rosenbrock); "
+        "`acausal stability MODEL` shows which mode is fast and which solver suits it (mostly --solver {other}); "
         "or try a looser --tolerance",
     ),
     (
@@ -48,7 +48,7 @@ _BY_KEYWORD: tuple[tuple[str, str, str, str, str], ...] = (
         "the equations have no solution just after this time, or jump to another one: a function outside its domain, a "
         "mechanism at full stretch, a jump that is not stated as a relation",
         "look at these variables around that time; state a jump by where(...) or when(...), which are located; try "
-        "--solver rosenbrock",
+        "--solver {other}",
     ),
     (
         "ERR_FAIL",
@@ -125,7 +125,7 @@ def integration_error(problem: Problem, solver: str, reached: Segment, text: str
         where=where,
         evidence=[*finding.evidence, *(["fastest there:", *(f"  {row}" for row in moving)] if moving else [])],
         cause=finding.cause,
-        help=finding.help,
+        help=finding.help.replace("{other}", "rosenbrock" if solver != "rosenbrock" else "idas"),
     )
 
 

@@ -247,3 +247,33 @@ def test_an_infinite_parameter_is_named(name: str) -> None:
     assert caught.value.code == "AC303"
     assert "division by zero" not in str(caught.value)
     assert caught.value.help
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_a_start_value_that_is_no_number_is_named(value: float) -> None:
+    class Decay(Component):
+        x: Real = variable(default=fixed(value))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == -self.x
+
+    with pytest.raises(AcausalError, match=rf"x starts at {value:g}") as caught:
+        acausal.simulate(Decay(), stop_time=1.0)
+    assert caught.value.code == "AC303"
+    assert "x: Real" in str(caught.value)
+
+
+@pytest.mark.parametrize(("solver", "other"), [("rosenbrock", "idas"), ("idas", "rosenbrock")])
+def test_the_solver_that_stopped_is_not_recommended(solver: str, other: str) -> None:
+    """x = 1 - sqrt(1 - 2 t) ends at t = 0.5."""
+
+    class Ends(Component):
+        x: Real = variable(default=fixed(0.0))
+
+        def equations(self) -> Equations:
+            yield der(self.x) == 1 / (1 - self.x)
+
+    with pytest.raises(AcausalError, match=r"stopped at t = 0\.(5|4999)") as caught:
+        acausal.simulate(Ends(), stop_time=1.0, solver=solver)
+    assert f"--solver {solver}" not in str(caught.value)
+    assert "--solver" not in str(caught.value) or f"--solver {other}" in str(caught.value)

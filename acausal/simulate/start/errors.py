@@ -281,6 +281,17 @@ def left_open(compiled: CompiledModel, free: Sequence[int], jacobians: Sequence[
     return (f"the start conditions do not determine {listed(open_ones)}: their guesses have decided",)
 
 
+def start_not_finite(compiled: CompiledModel, name: str, value: float) -> InitializationError:
+    """AC303: a state that does not start at a number."""
+    return InitializationError(
+        "AC303",
+        f"{compiled.name}: {name} starts at {value:g}",
+        where=parameter_at(compiled.flat, name),
+        cause="its start value is infinite or undefined, or calculated from such a value",
+        help="give a finite start value",
+    )
+
+
 def undefined(compiled: CompiledModel, t: float, found: Undefined) -> InitializationError:
     """AC303: an equation that has no finite value at the start."""
     flat = compiled.flat

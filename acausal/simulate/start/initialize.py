@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +20,14 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.function_cache import functions_of, truths
 from acausal.simulate.equations.shares import Shares
 from acausal.simulate.record.project import constraints
-from acausal.simulate.start.errors import contradicting, left_open, not_found, off_constraint, undefined
+from acausal.simulate.start.errors import (
+    contradicting,
+    left_open,
+    not_found,
+    off_constraint,
+    start_not_finite,
+    undefined,
+)
 from acausal.simulate.start.finite import UNDEFINED, first_undefined
 from acausal.simulate.start.nearest import nearest_start, unreachable
 
@@ -479,6 +487,9 @@ def _check_defined(compiled: CompiledModel, t: float, x: Vector, z: Vector, u: V
     functions = functions_of(compiled)
     if functions.are_finite(t, x, z, u, p, m):
         return
+    for name, value in zip(compiled.states, x.tolist(), strict=True):
+        if not math.isfinite(value):
+            raise start_not_finite(compiled, name, value)
     found = first_undefined(compiled, t, x, z, u, p, m)
     if found is not None:
         raise undefined(compiled, t, found)
