@@ -131,7 +131,8 @@ class CasadiModel:
     Vectors are columns: `x` states, `z` algebraic variables, `u` the inputs of the model itself, `p` parameters, `y`
     outputs. The attributes of the same names describe their entries in order. If nothing in the model depends on time,
     no function has the argument `t`. First and second derivatives are finite wherever the values are, see
-    `acausal.export.casadi.finite`. docs/casadi.md shows each function in use.
+    `acausal.export.casadi.finite`. Where p shrinks a divisor so far that quotients are rounding errors, all results are
+    nan. docs/casadi.md shows each function in use.
 
     Attributes
     ----------

@@ -86,13 +86,19 @@ class CompiledModel(Lowered):
 
     @cached_property
     def constant_divisors(self) -> dict[int, float]:
-        """Divisors of the solved equations that depend on parameters alone, and their sizes when pivots were chosen."""
+        """Pivots that may lose digits, or their factors, that depend on parameters alone; their sizes when chosen."""
         solution = self.solution
         pool, points = solution.structure.reduced.pool, solution.structure.points
-        roots = [*(n for _, n in solution.definitions), *solution.residuals]
-        divisors = {pool.nodes[n][2] for n in pool.reachable(roots) if pool.nodes[n][0] == "div"}
-        chosen = sorted(n for n in divisors if pool.nodes[n][0] != "const" and not points.varies(n))
-        return {n: abs(points.constant(pool, n)) for n in chosen}
+        below = set(pool.reachable([*(n for _, n in solution.definitions), *solution.residuals]))
+        stack, chosen = [n for n in solution.divisors if n in below], dict[int, float]()
+        while stack:
+            node = stack.pop()
+            op, *operands = pool.nodes[node]
+            if op != "const" and not points.varies(node):
+                chosen[node] = abs(points.constant(pool, node))
+            elif op in ("mul", "neg"):
+                stack += operands
+        return chosen
 
     @cached_property
     def observe(self) -> Any:

@@ -120,6 +120,7 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
         blocks=tuple(b for b in blocks if b.unknowns),
         formulation=solution.formulation,
         monotone=tuple(m for m in solution.monotone if m.variable in kept),
+        divisors=solution.divisors,
     )
 
 

@@ -34,6 +34,7 @@ def fold(solution: Solution, constants: Constants) -> Solution:
         needed=needed(structure, definitions, residuals),
         blocks=_blocks(solution, constants.variables),
         formulation=solution.formulation,
+        divisors=tuple(images[d] for d in solution.divisors if d in images),
     )
 
 

@@ -15,7 +15,7 @@ from acausal.flatten.flat import suffixes
 from acausal.flatten.parameters import check_limit, check_values, entries
 from acausal.language.declarations.experiment import Experiment
 from acausal.lower.cache.cache import choices_hold_for
-from acausal.lower.cache.divisors import shrunken_divisor
+from acausal.lower.cache.divisors import LOST, shrunken_divisor
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
 from acausal.simulate.solvers.segment import Tolerances
@@ -26,9 +26,6 @@ _FINEST_TOLERANCE = 1e-14
 _FIXED_STEP = ("auto", "rk", "rk2", "collocation")
 # Solvers that always choose their steps, and cannot take fixed ones.
 _ADAPTIVE = ("idas", "cvodes")
-
-# Ratio of a divisor to its value at compile time below which quotients have lost half of their digits.
-_LOST = 1e-8
 
 
 @dataclass(frozen=True)
@@ -206,7 +203,7 @@ def _check_choices(compiled: CompiledModel, values: list[float]) -> None:
     fact, evidence, cause = "", "", "whether a constraint determines its variables depends on the values of parameters"
     if not choices_hold_for(compiled, values):
         fact, evidence = "other states", f"its states: {', '.join(compiled.states[:6])}"
-    elif shrunk := shrunken_divisor(compiled, values, _LOST):
+    elif shrunk := shrunken_divisor(compiled, values, LOST):
         fact, evidence, cause = "other pivots", shrunk, "a quotient by a rounding error has no digits"
     if fact:
         raise UsageError(

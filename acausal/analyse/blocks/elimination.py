@@ -35,7 +35,7 @@ from math import inf
 
 import numpy as np
 
-from acausal.analyse.blocks.pivots import Pivot, determinant, is_safe, keeps_sign, safe_pairs
+from acausal.analyse.blocks.pivots import Pivot, determinant, is_safe, keeps_sign, may_lose_digits, safe_pairs
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.numeric.evaluate import Samples
 from acausal.numeric.samples import SamplePoints
@@ -57,12 +57,14 @@ class Eliminated:
 
     `solved` lists (variable, node) in the order of evaluation. `left_variables` have no safe pivot; `left_residuals`
     determine them. `empty` lists (row, node) for rows in which no unknown is left, so that the node must be zero.
+    `divisors` are pivots that may lose digits for other values of parameters.
     """
 
     solved: tuple[tuple[int, int], ...]
     left_variables: tuple[int, ...]
     left_residuals: tuple[int, ...]
     empty: tuple[tuple[int, int], ...]
+    divisors: tuple[int, ...]
 
 
 def safety(points: SamplePoints, coefficient: int) -> int | None:
@@ -134,6 +136,7 @@ class _Work:
         self.variables = set().union(*rows) if rows else set()
         self.active = set(range(len(self.rows)))
         self.pivots: list[Pivot] = []
+        self.divisors: list[int] = []
         self.unexamined = set(self.active), set(self.active)  # rows not yet examined for 2x2 and for 3x3 pivots
         self._safety: dict[int, int | None] = {}
         self._sampled: dict[int, Samples] = {}
@@ -283,6 +286,9 @@ class _Work:
         self.active.difference_update(rows)
         pivot = Pivot(self.pool, rows, variables, [self.rows[i] for i in rows])
         self.pivots.append(pivot)
+        lone = len(rows) == 1 and min(len(self.rows[rows[0]]), len(self.columns[variables[0]])) == 1
+        if may_lose_digits(self.pool, pivot.determinant, lone):
+            self.divisors.append(pivot.determinant)
         for i in rows:
             for w in self.rows[i]:
                 self.columns[w].discard(i)
@@ -340,6 +346,7 @@ class _Work:
             tuple(sorted(self.variables - done)),
             tuple(self._rest(i, ()) for i in unsolved_rows),
             tuple(empty),
+            tuple(self.divisors),
         )
 
     def _rest(self, i: int, without: Sequence[int]) -> int:

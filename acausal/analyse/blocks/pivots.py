@@ -22,6 +22,20 @@ def keeps_sign(samples: Samples) -> bool:
     return bool(((samples > 0).all() or (samples < 0).all()) and low > 1e-6 * high)
 
 
+def may_lose_digits(pool: Pool, divisor: int, lone: bool) -> bool:
+    """Whether quotients by this pivot may consist of rounding errors for other values of its parameters.
+
+    A `lone` pivot has no other entry in its row, or none in its column. No coefficient is divided by it then and kept,
+    so that elimination stays backward stable whatever its size (N. J. Higham, Accuracy and Stability of Numerical
+    Algorithms, 2002, theorem 9.3: the error is bounded by |L||U|, here the coefficients themselves). It loses digits
+    only if it is a difference that cancels.
+    """
+    nodes = pool.nodes
+    if nodes[divisor][0] == "const":
+        return False
+    return not lone or any(nodes[n][0] in ("add", "sub") for n in pool.reachable([divisor]))
+
+
 class Pivot:
     """A square set of rows solved for as many variables."""
 

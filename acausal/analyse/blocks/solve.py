@@ -14,6 +14,7 @@ from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import Eliminated, eliminate, safety
 from acausal.analyse.blocks.linear import LinearForm, linear_in
 from acausal.analyse.blocks.monotone import causal, newton
+from acausal.analyse.blocks.pivots import may_lose_digits
 from acausal.analyse.hidden import HiddenCombination, HiddenConstraint, hidden_constraint
 from acausal.diagnose.null_space.dependence import check_rank, dependent, special_values
 from acausal.errors import StructureError
@@ -53,6 +54,7 @@ class Solution:
     blocks: tuple[BlockReport, ...]
     formulation: str = "torn"  # as requested
     monotone: tuple[Monotone, ...] = ()  # variables whose definitions are unrolled Newton iterations
+    divisors: tuple[int, ...] = ()  # pivots that may lose digits for other values of parameters
 
     def __repr__(self) -> str:
         observed = len(self.definitions) + len(self.algebraic) - len(self.needed)
@@ -92,6 +94,7 @@ def solve(structure: Structure, formulation: str = "torn") -> Solution:
         blocks=tuple(work.reports),
         formulation=formulation,
         monotone=tuple(work.monotone),
+        divisors=tuple(dict.fromkeys(work.divisors)),
     )
 
 
@@ -114,6 +117,7 @@ class _Work:
         self.residuals: list[int] = []
         self.reports: list[BlockReport] = []
         self.monotone: list[Monotone] = []
+        self.divisors: list[int] = []
         # Hidden constraints of the blocks examined so far.
         self.hidden: HiddenConstraint | HiddenCombination | None = None
         self.postponed: set[int] = set()  # unknowns of blocks that were postponed
@@ -162,6 +166,8 @@ class _Work:
                 raise self._dependent([row], Block((row,), (variable,)), linear[0])
             if safety(self.points, coefficient) is not None:
                 self.define(variable, pool.div(pool.neg(linear[0]), coefficient))
+                if may_lose_digits(pool, coefficient, lone=True):
+                    self.divisors.append(coefficient)
                 self.reports.append(BlockReport((variable,), (), "explicit"))
                 return
         self._check_rank([row], [variable])
@@ -200,6 +206,7 @@ class _Work:
             self._check_rank(block.rows, block.columns)
         self.algebraic += done.left_variables
         self.residuals += done.left_residuals
+        self.divisors += done.divisors
         for variable, node in done.solved:
             self.define(variable, node)
         self.reports.append(BlockReport(block.columns, done.left_variables, "linear"))
@@ -228,6 +235,8 @@ class _Work:
             form = linear_in(self.pool, residuals[i], variable)
             assert form is not None, "tearing solves rows only for columns in which they are linear"
             self.define(variable, self.pool.div(self.pool.neg(form[0]), form[1][variable]))
+            if may_lose_digits(self.pool, form[1][variable], lone=False):
+                self.divisors.append(form[1][variable])
         self.residuals += [residuals[i] for i in torn.residual]
         self.reports.append(BlockReport(block.columns, tuple(iterated), "torn"))
 

@@ -31,6 +31,7 @@ from acausal.export.step.crossing import determinants
 from acausal.export.step.hybrid_step import HybridStep
 from acausal.export.step.methods import Method
 from acausal.lower.build import Symbols
+from acausal.lower.cache.divisors import refusal
 from acausal.lower.casadi_model import EVENT_FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
 from acausal.lower.compiled import CompiledModel
 
@@ -94,8 +95,10 @@ def casadi_model(
     timed = depends_on_time([*made.values(), *(f for n, f in reacting.items() if n in ("dae", "indicators", "round"))])
     is_timed = timed or (events and bool(compiled.n_timely or compiled.state_events.samples))
 
+    refused = refusal(compiled, chosen)
+
     def last(function: Any) -> Any:
-        return with_fixed_arguments(function, None if is_timed else begin.t, chosen, begin.p)
+        return with_fixed_arguments(function, None if is_timed else begin.t, chosen, begin.p, refused)
 
     y = np.array(form.dae(begin.t, form.x.start, form.z.start, begin.u, begin.p)[2]).ravel() + 0.0  # no -0.0
     ports = parameter_ports(compiled)

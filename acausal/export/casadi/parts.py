@@ -126,19 +126,21 @@ def depends_on_time(functions: Sequence[Any]) -> bool:
     return any(f.jac_sparsity(k, f.index_in("t")).nnz() for f in timed for k in range(f.n_out()))
 
 
-def with_fixed_arguments(function: Any, time: float | None, chosen: Sequence[int] | None, values: Vector) -> Any:
+def with_fixed_arguments(
+    function: Any, time: float | None, chosen: Sequence[int] | None, values: Vector, refusal: Any = None
+) -> Any:
     """The function with t fixed to `time` [s] and all but the `chosen` parameters fixed to `values`, shape (np,).
 
-    `time` or `chosen` of None keeps t or all of p as arguments.
+    `time` or `chosen` of None keeps t or all of p as arguments. `refusal(p)`, 0 or nan, is added to all results.
     """
     names = [function.name_in(k) for k in range(function.n_in())]
-    fixes_t, fixes_p = time is not None and "t" in names, chosen is not None and "p" in names
-    if not (fixes_t or fixes_p):
+    refuses = refusal is not None and "p" in names
+    if not (refuses or (time is not None and "t" in names) or (chosen is not None and "p" in names)):
         return function
     kind: Any = ca.SX if function.is_a("SXFunction") else ca.MX
     outer, inner, remaining_names = [], [], []
     for k, name in enumerate(names):
-        if name == "t" and fixes_t:
+        if name == "t" and time is not None:
             inner.append(kind(time))
             continue
         size = len(chosen) if name == "p" and chosen is not None else function.sparsity_in(k)
@@ -151,5 +153,12 @@ def with_fixed_arguments(function: Any, time: float | None, chosen: Sequence[int
                 symbol[list(chosen)] = outer[-1]
         inner.append(symbol)
     found = function.call(inner, True, False)
+    if refuses:
+        found = spoilt(found, refusal(inner[names.index("p")]))
     results = [function.name_out(k) for k in range(function.n_out())]
     return ca.Function(function.name(), outer, found, remaining_names, results)
+
+
+def spoilt(results: Sequence[Any], refused: Any) -> list[Any]:
+    """The results with `refused`, 0 or nan, added to every entry that is not always zero."""
+    return [type(v)(v.sparsity(), v.nz[:] + refused) if v.nnz() else v for v in results]

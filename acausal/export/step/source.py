@@ -45,7 +45,8 @@ class StepFunction:
     """`function` is `step(x, u, p) -> (x, y)`; vectors are described by the attributes of the same names.
 
     x contains the states (including discrete ones), the algebraic variables, the modes of a model with events, and the
-    time if the equations depend on it. y is evaluated at the new x. u is constant during the `step` [s].
+    time if the equations depend on it. y is evaluated at the new x. u is constant during the `step` [s]. Both are nan
+    where p shrinks a divisor so far that quotients are rounding errors.
 
     After the outputs, y contains the flags of the step, each 0 or 1:
 

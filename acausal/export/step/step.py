@@ -19,6 +19,7 @@ import numpy as np
 
 from acausal.diagnose.words import listed
 from acausal.errors import ExportError, UsageError
+from acausal.export.casadi.parts import spoilt
 from acausal.export.forms import STEP, check
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output, named_outputs, output_ports, parameter_ports, variable_ports
@@ -28,6 +29,7 @@ from acausal.export.step.methods import IMPLICIT, METHODS, Method
 from acausal.export.step.source import StepFunction
 from acausal.export.step.timely import at_end, inside, note, timely
 from acausal.lower.build import Symbols
+from acausal.lower.cache.divisors import refusal
 from acausal.lower.casadi_model import Port, Ports
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
@@ -126,6 +128,8 @@ class _Builder:
         whole = self.kind.sym("x", x.numel() + timed)
         new: Any = step(whole[: x.numel()], whole[-1] if timed else begin.t, self.u, self.p)
         new = ca.cse([ca.densify(v) for v in new])
+        if (refused := refusal(compiled, None)) is not None:
+            new = spoilt(new, refused(self.p))
         ports = [
             *variable_ports(compiled, compiled.state_variables, begin.x),
             *variable_ports(compiled, compiled.solution.algebraic, begin.z),

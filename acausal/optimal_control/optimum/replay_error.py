@@ -26,10 +26,13 @@ def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[V
     `intervals` are the numbers of intervals of the phases: the increases have shape (intervals,) each.
 
     Raises OptimizationError: AC704 if an event inside a phase changes a discrete variable, or terminates the run.
+    Raises UsageError: AC029 if the equations have lost their digits with the decided parameters.
     """
     try:
         run = best.replay()
-    except AcausalError:
+    except AcausalError as error:
+        if error.code == "AC029":
+            raise
         return np.inf, [np.full(n, np.inf) for n in intervals], ()
     _refuse_end(best, run)
     _refuse_changes(best, run)
