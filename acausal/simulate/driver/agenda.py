@@ -174,6 +174,13 @@ class Stretch:
     opens: bool = True
     causes: tuple[Cause, ...] = ()
 
+    @cached_property
+    def alone(self) -> Schedule:
+        """It as a schedule of one segment, for compiled code."""
+        samples, ends = np.stack([self.samples, np.zeros_like(self.samples)]), np.array([len(self.times)])
+        instants = np.array([self.start, self.end])
+        return Schedule(instants, self.modes[None], samples, self.times, ends, (self.longest,))
+
 
 @dataclass(frozen=True)
 class Position:

@@ -65,7 +65,7 @@ class Dynamics(Protocol):
         ...
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
-        """The compiled event loop of this run, or None if it does not suit."""
+        """The compiled event loop over a schedule of this run, or None if it does not suit."""
         ...
 
     def library(self) -> Library[EventLoopProgram] | None:
@@ -84,7 +84,7 @@ class Dynamics(Protocol):
 def pass_compiled(dynamics: Dynamics, loop: EventLoop, position: Position, *most: int | None) -> Position | None:
     """Advance the dynamics in compiled code, over at most `most` segments and events; None if it gets nowhere."""
     library, moment = dynamics.library(), dynamics.reached
-    if library is None:
+    if library is None or loop.has_stalled:
         return None
     reached = loop.go(library, LoopState(position, moment.x, moment.m, dynamics.pace), *most)
     if reached is None:
@@ -152,16 +152,27 @@ class Driver:
 
     def _compiled(self, loop: EventLoop | None, position: Position) -> Position | None:
         """The position that compiled code reaches from here; None if it gets nowhere."""
+        if position.arrived:
+            return None
+        if self.agenda.sources:
+            return self._compiled_stretch(position) if position.entered else None
         # compiled code cannot execute the start of the run, at the first instant
-        if loop is None or loop.has_stalled or position.arrived or (position.segment == 0 and not position.entered):
+        if loop is None or (position.segment == 0 and not position.entered):
             return None
         most = None if self.report is None else max(1, self.agenda.schedule.segments // _MOST_REPORTS)
         reached = pass_compiled(self.dynamics, loop, position, most)
-        if reached is None:
-            return None
-        if reached.entered:
+        if reached is not None and reached.entered:
             self.entered = self.agenda.stretch(reached, self.dynamics.reached, True)
         return reached
+
+    def _compiled_stretch(self, position: Position) -> Position | None:
+        """The same up to the end of the stretch at most, because sources decide there where the next one ends."""
+        assert self.entered is not None, "a stretch is entered before it is passed"
+        loop = self.dynamics.event_loop(self.entered.alone)
+        reached = loop and pass_compiled(self.dynamics, loop, replace(position, segment=0))
+        if reached is not None and reached.segment:
+            return self._leave(self.entered, position, complete=True)
+        return reached and replace(reached, segment=position.segment)
 
     def _step(self, position: Position) -> Position:
         """Execute the event at the start of a stretch, or integrate to the next stop."""

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -149,10 +150,10 @@ class Hybrid:
         self.moment = replace(self.reached, x=x, z=z, m=m)
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
-        """The compiled event loop of this run, or None if it does not suit."""
+        """The compiled event loop over a schedule of this run, or None if it does not suit."""
         if self._loop is not None and self._loop.over(schedule) is not None:
             return self._loop
-        if not self.single_step or not suits_event_loop(self.problem, self.solver):
+        if not self._suits_event_loop:
             return None
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._causes
         clears = None if self.missed_events is None else self._clears
@@ -160,6 +161,10 @@ class Hybrid:
         self._loop = EventLoop(*parts, self._trace if self.traced else None, clears, self.memories.get(kind))
         self.memories[kind] = self._loop.memory
         return self._loop
+
+    @cached_property
+    def _suits_event_loop(self) -> bool:
+        return suits_event_loop(self.problem, self.solver)
 
     def _trace(self, passed: LoopEvent) -> None:
         """Record an event of the compiled loop as a passage."""

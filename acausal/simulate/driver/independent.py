@@ -49,14 +49,6 @@ _FRACTIONS = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, _POINTS + 1) / _POINTS)
 _PARTS = 20
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A stretch of the whole model for systems of one kind, and the same as a schedule."""
-
-    stretch: Stretch
-    schedule: Schedule
-
-
 @dataclass
 class Member:
     """One of the independent systems during a run."""
@@ -81,7 +73,7 @@ class Member:
         """Execute the start of the run, with states and modes of the whole model."""
         self.dynamics.begin(t, Start(start.x[self.part.states], _NO_Z, ()), m[self.part.modes], flag)
 
-    def enter(self, task: Task, whole: bool) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
+    def enter(self, stretch: Stretch, whole: bool) -> tuple[tuple[Cause, ...], tuple[str, ...]]:
         """Execute the event at the start of a stretch; returns its causes and the changed variables.
 
         With `whole`, compiled code continues through the whole stretch, which saves a call for each of hundreds of
@@ -89,41 +81,38 @@ class Member:
         """
         self._first, before, self.ahead = self.recorder.count, len(self.recorder.boundaries), None
         if self._first:  # compiled code cannot execute the start of the run
-            position = self._compiled(task, Position(0, task.stretch.start, False, False), None if whole else 1)
+            position = self._compiled(stretch, Position(0, stretch.start, False, False), None if whole else 1)
             if position is not None:
                 self._boundary, self.ahead = before + 1, position if whole else None
                 return self.recorder.boundaries[before][1:]
-        self.dynamics.enter(task.stretch)
+        self.dynamics.enter(stretch)
         self._boundary = len(self.recorder.boundaries)
         if isinstance(self.dynamics, Smooth):
             return (), ()
         happened = self.dynamics.passages[-1].happened
         return happened.causes, happened.changed
 
-    def advance(self, task: Task, interrupted: Callable[[], None]) -> None:
+    def advance(self, stretch: Stretch, interrupted: Callable[[], None]) -> None:
         """Integrate from the last row to the end of the present stretch, or of a part of it."""
         ahead, self.ahead = self.ahead, None
         if ahead is None and self.recorder.count > self._first + 1:
             self._first, self._boundary = self.recorder.count - 1, len(self.recorder.boundaries)
-        own = task.stretch
-        begins = Position(0, own.start, True, True)
-        position = ahead or self._compiled(task, begins) or begins
+        begins = Position(0, stretch.start, True, True)
+        position = ahead or self._compiled(stretch, begins) or begins
         if position.segment:
             return
-        own, agenda = replace(own, opens=True), Agenda(task.schedule, (), self.span)
+        own, agenda = replace(stretch, opens=True), Agenda(stretch.alone, (), self.span)
         driver = Driver(agenda, self.dynamics, self.recorder, self.solver.name, None, interrupted, entered=own)
         driver.through(position)
 
-    def _compiled(self, task: Task, position: Position, events: int | None = None) -> Position | None:
+    def _compiled(self, stretch: Stretch, position: Position, events: int | None = None) -> Position | None:
         """The position that compiled code reaches, with at most `events` events; None if it gets nowhere."""
-        loop = self.dynamics.event_loop(task.schedule)
-        if loop is None or loop.has_stalled:
-            return None
-        return pass_compiled(self.dynamics, loop, position, None, events)
+        loop = self.dynamics.event_loop(stretch.alone)
+        return loop and pass_compiled(self.dynamics, loop, position, None, events)
 
     @cached_property
     def kind(self) -> tuple[bytes, ...]:
-        """The modes of time and the samples that belong to it; systems with equal ones get the same task."""
+        """The modes of time and the samples that belong to it; systems with equal ones share their stretches."""
         return self._timely.tobytes(), self._samples.tobytes()
 
     @property
@@ -135,13 +124,10 @@ class Member:
         model = self.part.model
         return self.part.modes[model.n_timely : model.n_timely + len(model.state_events.samples)]
 
-    def task(self, stretch: Stretch) -> Task:
+    def own(self, stretch: Stretch) -> Stretch:
         """The stretch with the modes of time and the samples that belong to this system."""
         samples = stretch.samples[self._samples - len(stretch.modes)]
-        part = replace(stretch, modes=stretch.modes[self._timely], samples=samples)
-        samples_at_ends, ends = np.stack([samples, np.zeros_like(samples)]), np.array([len(part.times)])
-        instants = np.array([part.start, part.end])
-        return Task(part, Schedule(instants, part.modes[None], samples_at_ends, part.times, ends, (part.longest,)))
+        return replace(stretch, modes=stretch.modes[self._timely], samples=samples)
 
     @property
     def entered(self) -> tuple[Vector, Vector]:
@@ -268,9 +254,9 @@ class IndependentSystems:
         happened: list[tuple[tuple[Cause, ...], tuple[str, ...]]] = []
         if self.one is None:
             try:
-                tasks = self._tasks(stretch)
+                own = self._own(stretch)
                 whole = not self._in_parts(stretch)
-                happened = [member.enter(tasks[member.kind], whole) for member in self.members]
+                happened = [member.enter(own[member.kind], whole) for member in self.members]
             except (AcausalError, RuntimeError) as error:
                 self._join(stretch.start, error)
         if self.one is not None:
@@ -310,20 +296,20 @@ class IndependentSystems:
         """Whether progress is reported within a stretch."""
         return self.report is not None and len(stretch.times) >= 2 * _PARTS
 
-    def _tasks(self, stretch: Stretch) -> dict[tuple[bytes, ...], Task]:
-        """The task of each kind of systems."""
-        found: dict[tuple[bytes, ...], Task] = {}
+    def _own(self, stretch: Stretch) -> dict[tuple[bytes, ...], Stretch]:
+        """The stretch of each kind of systems."""
+        found: dict[tuple[bytes, ...], Stretch] = {}
         for member in self.members:
             if member.kind not in found:
-                found[member.kind] = member.task(stretch)
+                found[member.kind] = member.own(stretch)
         return found
 
     def _advance_members(self, part: Stretch) -> None:
         """Integrate a part of a stretch, system by system; if one fails, the run continues as one system."""
         try:
-            tasks = self._tasks(part)
+            own = self._own(part)
             for member in self.members:
-                member.advance(tasks[member.kind], self.interrupted)
+                member.advance(own[member.kind], self.interrupted)
                 if member.dynamics.terminated is not None:
                     self._join(part.start, member.dynamics.terminated)
                     return
