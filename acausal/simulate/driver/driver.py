@@ -169,7 +169,7 @@ class Driver:
         """The same up to the end of the stretch at most, because sources decide there where the next one ends."""
         assert self.entered is not None, "a stretch is entered before it is passed"
         loop = self.dynamics.event_loop(self.entered.alone)
-        reached = loop and pass_compiled(self.dynamics, loop, replace(position, segment=0))
+        reached = None if loop is None else pass_compiled(self.dynamics, loop, replace(position, segment=0))
         if reached is not None and reached.segment:
             return self._leave(self.entered, position, complete=True)
         return reached and replace(reached, segment=position.segment)

@@ -108,7 +108,7 @@ class Member:
     def _compiled(self, stretch: Stretch, position: Position, events: int | None = None) -> Position | None:
         """The position that compiled code reaches, with at most `events` events; None if it gets nowhere."""
         loop = self.dynamics.event_loop(stretch.alone)
-        return loop and pass_compiled(self.dynamics, loop, position, None, events)
+        return None if loop is None else pass_compiled(self.dynamics, loop, position, None, events)
 
     @cached_property
     def kind(self) -> tuple[bytes, ...]:
