@@ -7,7 +7,7 @@ so that several runs of one model are independent, even in different threads.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
 if TYPE_CHECKING:
@@ -53,10 +53,6 @@ class Choice(Protocol):
 
         `before` has the values at the instant of the choice, `after` those at the n instants.
         """
-        ...
-
-    def remarks(self, largest: Callable[[str], float]) -> Sequence[str]:
-        """Notes on the run; `largest` gives the largest value of a signal, by the name common to all structures."""
         ...
 
     # Used by model reduction: acausal/reduce/confine.py.

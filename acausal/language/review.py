@@ -15,7 +15,7 @@ class Reviewing(Protocol):
         """Return notes on a run, an `acausal.Result` that may lack signals.
 
         `paths` are those of all components that share this method. `scalars` has a number for each variable, equal for
-        connected potentials; it is empty if the structure changes during the run.
+        connected potentials, in all structures of the run.
         """
         ...
 

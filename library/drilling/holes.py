@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,5 +74,5 @@ class Hole:
 
 def named(one: Hole, other: Hole) -> str:
     """Description of two holes in messages."""
-    same = one.drill == other.drill
-    return f"two holes of {one.drill}" if same else f"holes of {one.drill} and {other.drill}"
+    a, b = (re.sub(r"#\d+\]$", "]", hole.drill) for hole in (one, other))  # the later holes of a pair in a scene
+    return f"two holes of {a}" if a == b else f"holes of {a} and {b}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +12,13 @@ from acausal import Component
 from acausal.errors import DeclarationError
 from acausal.library.contact.collide.axis.crossing import crossing_function
 from acausal.library.contact.collide.shapes import PointedDrill, Shape
-from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Surfaces, Trace
+from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Surfaces
 from acausal.library.contact.scene.surface import Pose
 from acausal.library.drilling.drilling_force import DrillingForce
 from acausal.library.drilling.flank import GuidedDrillingForce
 from acausal.library.drilling.full_drilling_force import FullDrillingForce
 from acausal.library.drilling.geometry_convex import ConvexLevel, shank_along_z
-from acausal.library.drilling.holes import ALONG, Hole, named
+from acausal.library.drilling.holes import ALONG
 from acausal.library.drilling.materials import STEEL_34CRMO4, Material
 from acausal.library.drilling.tool import TWIST_DRILL_16MM, Tool
 from acausal.library.multibody.frames import Frame
@@ -49,22 +48,6 @@ class WorkpieceBody(ContactBody):
     """
 
     material: Material = STEEL_34CRMO4
-
-    def remarks(self, traces: Sequence[Trace]) -> list[str]:
-        """Notes AC192 about overlapping holes, of any drills and from any sides."""
-        return [
-            f"AC192: {named(one, other)} in {self.name} overlap, {1e3 * one.apart(other):.3g} mm apart: each is cut as "
-            "if the other were full of material"
-            for one, other in combinations(map(self._hole, traces), 2)
-            if one.overlaps(other)
-        ]
-
-    def _hole(self, trace: Trace) -> Hole:
-        assert isinstance(trace.maker, DrillBody), "only drills leave traces on a workpiece"
-        entry, axis = trace.place
-        first, last, _ = _crossed(self, entry, axis)
-        tool, inside = trace.maker.tool, min(trace.size, first - last)
-        return Hole(trace.maker.name, tool.d, tool.sigma, entry, axis, trace.size, inside)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -193,7 +193,7 @@ def test_holes_that_overlap_are_told() -> None:
     notes = acausal.simulate(HolesTooNear(n=1), stop_time=10.0).stats["notes"]
     notes = [n for n in notes if n.startswith("AC192")]  # type: ignore[attr-defined]
     assert len(notes) == 1
-    assert notes[0].startswith("AC192: two holes of drill in plate0 overlap, 6 mm apart")
+    assert notes[0].startswith("AC192: two holes of scene.contacts[drill,plate0] overlap, 6 mm apart")
 
 
 @pytest.mark.slow

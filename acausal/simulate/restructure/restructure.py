@@ -180,6 +180,7 @@ class Pieces:
     compilations: int = 0
     timings: dict[str, float] = field(default_factory=dict)
     reviewing: dict[str, type[Reviewing]] = field(default_factory=dict)
+    scalars: dict[str, int] = field(default_factory=dict)  # numbers of variables, equal for connected potentials
 
     def result(self) -> Result:
         """Run, and join the pieces to one result."""
@@ -238,9 +239,18 @@ class Pieces:
         self.compiled, timings = structure(self.recipe, self.present(), self.choices)
         self.compilations += 1
         names = _labels(self.choices)
-        self.reviewing |= {renamed(path, names): cls for path, cls in self.compiled.flat.reviewing.items()}
+        flat = self.compiled.flat
+        self.reviewing |= {renamed(path, names): cls for path, cls in flat.reviewing.items()}
+        if flat.reviewing:
+            self._number(all_renamed([v.path for v in flat.variables], names), [v.first for v in flat.variables])
         for name, seconds in timings.items():
             self.timings[name] = self.timings.get(name, 0.0) + seconds
+
+    def _number(self, paths: Sequence[str], own: Sequence[int]) -> None:
+        """Enter the variables of a structure, with its `own` numbers, in the numbers common to all structures."""
+        common = {k: self.scalars[path] for path, k in zip(paths, own, strict=True) if path in self.scalars}
+        for path, k in zip(paths, own, strict=True):
+            self.scalars.setdefault(path, common.setdefault(k, len(self.scalars)))
 
     def watch(self) -> Watch:
         """The signals that decide about the current structure."""
@@ -320,17 +330,7 @@ class Pieces:
             stats=stats,
             some=signals.rows,
         )
-        stats["notes"] = tuple(dict.fromkeys([n for own in each for n in own.get("notes", ())] + self.remarks(joined)))
+        notes = [n for own in each for n in own.get("notes", ())]
+        notes = [n for own in each for n in own.get("notes", ())]
+        stats["notes"] = tuple(dict.fromkeys([*notes, *reviews(self.reviewing, joined, self.scalars)]))
         return joined
-
-    def remarks(self, joined: Result) -> list[str]:
-        """Notes of the components on the run."""
-
-        def largest(name: str) -> float:
-            values = np.asarray(joined[name], dtype=float) if name in joined else np.zeros(1)
-            return float(np.nanmax(values, initial=0.0))
-
-        notes: list[str] = []
-        for path, choice in self.choices.items():
-            notes += choice.remarks(lambda name, path=path: largest(named(path, name)))  # type: ignore[misc]
-        return notes + reviews(self.reviewing, joined, {})

@@ -85,10 +85,6 @@ class ContactBody:
         """
         return list(known), 0
 
-    def remarks(self, traces: Sequence[Trace]) -> list[str]:
-        """Messages about traces that other bodies have left on this one."""
-        return []
-
     def radius(self) -> float:
         """Largest distance of a point of the shape from the origin of the body's frame [m]."""
         lowest, highest = (np.array(c, dtype=float) for c in self.shape.bounding_box())
@@ -114,15 +110,6 @@ def _unbounded(origin: Array, R: Array) -> tuple[Array, Array]:
     if abs(up[k]) > 1 - 1e-12:
         (high if up[k] > 0 else low)[k] = origin[k]
     return low, high
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """A trace that a body has left on another: its site (`ContactBody.site`), and the largest value of its signal."""
-
-    maker: ContactBody
-    place: Array
-    size: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal import Component
-from acausal.library.contact.scene.bodies import ContactBody, PoseValue, Trace
+from acausal.library.contact.scene.bodies import ContactBody, PoseValue
 from acausal.library.contact.scene.broad_phase import CANNOT_MEET, Pair, gaps, overlapping
 from acausal.library.contact.scene.outlines import Outlines
 from acausal.library.contact.scene.surface import SurfaceContact
@@ -171,17 +171,6 @@ class SceneChoice:
         """Positions (n, 3) and rotations (n, 3, 3) of the n moving bodies; for m instants (m, n, 3), (m, n, 3, 3)."""
         r, R = ([seen[f"frames[{k}].{name}"] for k in range(len(self.scene.moving))] for name in ("r_0", "R"))
         return np.stack(r, axis=r[0].ndim - 1), np.stack(R, axis=R[0].ndim - 2)
-
-    def remarks(self, largest: Callable[[str], float]) -> list[str]:
-        """Messages of the bodies about the traces that were left on them."""
-        left: dict[int, list[Trace]] = {}
-        for pair, places in self.places.items():
-            maker = self._maker(pair)
-            marked = left.setdefault(sum(pair) - self.scene.maker(*pair), [])
-            for k, place in enumerate(places):
-                size = largest(f"{self._lasting(pair, k)}.{maker.trace}")
-                marked += [Trace(maker, place, size)] if size > 0 else []
-        return [text for k, traces in left.items() for text in self.scene.bodies[k].remarks(traces)]
 
     def confined(self, bounds: Mapping[str, tuple[Array, Array]]) -> tuple[SceneChoice, bool]:
         """The choice extended by the pairs that can touch while poses stay within `bounds`, and whether it grew.
