@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from acausal.arrays import Vector
-from acausal.errors import IntegrationError, UsageError
+from acausal.errors import InitializationError, IntegrationError, RunError, UsageError
 from acausal.flatten.instances.instances import changing
 from acausal.flatten.parameters import unheard_parameters
 from acausal.language.choices import Choice
@@ -113,8 +114,20 @@ def simulate(
         accurate: Result = provided("simulated_to_accuracy")(compiled, accuracy, given, rest, progress)
         return accurate
     opts = options(compiled.flat.experiment, **given)
-    result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
+    try:
+        result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
+    except (RunError, InitializationError) as error:
+        error.evidence = (*error.evidence, *_infinite(compiled, parameter_vector(compiled, values or {}), str(error)))
+        raise
     return _with_remarks(result, _remarks(compiled, result, values or {}, start or {}))
+
+
+def _infinite(compiled: CompiledModel, p: Vector, known: str) -> list[str]:
+    """Parameters in `p`, shape (np,), that are infinite without being declared so, and not in the message `known`."""
+    declared = {f.path: f.declaration.default for f in compiled.flat.parameters}
+    values = zip(compiled.parameters, p.tolist(), strict=True)
+    infinite = [name for name, v in values if math.isinf(v) and declared.get(name) != v and f"{name} = " not in known]
+    return [f"infinite: {', '.join(infinite[:4])}"] * bool(infinite)
 
 
 def _remarks(

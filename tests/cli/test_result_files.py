@@ -54,7 +54,7 @@ def test_a_smooth_signal_on_another_grid_agrees() -> None:
     _result().save("a.mat")
     t = np.sort(np.random.default_rng(3).uniform(0.0, 2.0, 70))
     Result("M", t, np.sin(3.0 * t)[:, None], {"a": Signal("a", "m", column=0)}).save("b.csv")
-    outcome = run("compare", "a.mat", "b.csv", "--tolerance", "1e-6")
+    outcome = run("compare", "a.mat", "b.csv", "--tolerance", "1e-6", "--signals", "a")
     assert outcome.code == 0, outcome.out
 
 
@@ -113,6 +113,17 @@ def test_a_run_that_broke_off_does_not_agree_with_its_reference() -> None:
     assert found.json["to"] == pytest.approx(1.2)
     assert "out of tolerance" in run("compare", "a.mat", "b.mat").out
     assert run("compare", "b.mat", "a.mat").code == 0
+
+
+def test_a_result_that_lacks_a_signal_does_not_agree_with_its_reference() -> None:
+    _result().save("a.mat")
+    whole = _result()
+    Result("M", whole.time, whole.matrix[:, :1], {"a": whole.signals["a"]}).save("less.npz")
+    found = run("compare", "a.mat", "less.npz")
+    assert found.code == 3
+    assert "less.npz lacks b and k of a.mat: out of tolerance" in found.out
+    assert run("compare", "a.mat", "less.npz", "--signals", "a").code == 0
+    assert run("compare", "less.npz", "a.mat").code == 0
 
 
 def test_a_jump_is_not_compared_at_its_own_instant() -> None:

@@ -24,7 +24,9 @@ from acausal import (
     time,
     variable,
 )
-from acausal.errors import IntegrationError
+from acausal.errors import AcausalError, IntegrationError
+from acausal.models.drilling_one_axis import OneAxisDrilling
+from acausal.models.rc_circuit import RCCircuit
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.recovery import RECOVERY_STEPS, CountedSteps, crawl, recover
@@ -339,3 +341,11 @@ def test_what_is_not_finite_is_told_by_the_error_alone(solver: str, capfd: pytes
     with pytest.raises(IntegrationError):
         acausal.simulate(Emptying(), stop_time=1.0, solver=solver, native=False)
     assert "".join(capfd.readouterr()) == ""
+
+
+@pytest.mark.parametrize(("model", "name"), [(RCCircuit(), "V"), (OneAxisDrilling(), "gap")])
+def test_an_infinite_parameter_is_named_where_a_run_fails(model: Component, name: str) -> None:
+    """Not refused beforehand: an infinite limit or time means something."""
+    for given in (model, acausal.compile(model)):
+        with pytest.raises(AcausalError, match=rf"infinite: {name}\b|{name} = inf"):
+            acausal.simulate(given, parameters={name: math.inf}, stop_time=0.1)

@@ -67,7 +67,7 @@ def compare(
 
     Values are compared at the times of the file with fewer rows. At an event of one of them, where a rounding error in
     time would show as a jump, the value before it counts as well as the one after it. Units are converted. A result
-    that covers less than the reference is out of tolerance; one that covers more is not.
+    that covers less than the reference, or lacks one of its signals, is out of tolerance; one that has more is not.
 
     Examples: acausal compare old.mat new.mat --signals "mass.*" --tolerance 1e-6; acausal compare measured.csv run.mat
     --plot
@@ -88,6 +88,8 @@ def compare(
     bad = [d for d in found if not d.relative <= tolerance]
     low, high = _overlap(a, b)
     short, instants = is_shorter(a, b), len(_times(a, b))
+    missing = [] if signals else [name for name in a.names if name not in b.signals]
+    is_within = not (bad or short or missing)
     if as_json:
         record(
             {
@@ -102,7 +104,7 @@ def compare(
                 "only_in_first": sorted(set(a.names) - set(b.names)),
                 "only_in_second": sorted(set(b.names) - set(a.names)),
                 "deviations": [vars(d) for d in found],
-                "within_tolerance": not bad and not short,
+                "within_tolerance": is_within,
                 "files": [str(picture)] if picture is not None else [],
             }
         )
@@ -116,9 +118,13 @@ def compare(
         if short:
             covered, required = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
             say(f"{second.name} covers {covered} the {required} {first.name}: out of tolerance")
+        if missing:
+            from acausal.diagnose import words
+
+            say(f"{second.name} lacks {words.listed(missing)} of {first.name}: out of tolerance; choose by --signals")
         if picture is not None:
             remark(f"wrote {picture}")
-    if bad or short:
+    if not is_within:
         raise typer.Exit(OUT_OF_TOLERANCE)
 
 
