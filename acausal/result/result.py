@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +30,22 @@ _SPLINE_ROWS, _BETTER = 16, 0.25
 _ELEMENT = re.compile(r"(?P<base>.+)\[(?P<index>\d+(?:, ?\d+)*)\]")
 
 
+class _Events:
+    """Descriptor of `Result.events`: the events, or a function that describes them when they are first read."""
+
+    def __get__(self, result: Result | None, owner: type[Result]) -> tuple[Event, ...]:
+        if result is None:
+            return ()
+        kept: Any = result.__dict__["events"]
+        if callable(kept):
+            kept = result.__dict__["events"] = kept()
+        events: tuple[Event, ...] = kept
+        return events
+
+    def __set__(self, result: Result, events: tuple[Event, ...] | Callable[[], tuple[Event, ...]]) -> None:
+        result.__dict__["events"] = events
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """Trajectories of one run, by name.
@@ -46,7 +62,8 @@ class Result:
     signals
         Description of every signal, in the order of declaration.
     events, stats
-        Events of the run, and statistics: solver, reason for its choice, counters, times.
+        Events of the run, or a function that describes them; and statistics: solver, reason for its choice, counters,
+        times.
     dense
         Dense output: maps times of the run, shape (m,), to rows of `trajectories`, shape (m, k), accurate to the run's
         tolerance, nan where the solver does not succeed; None for results read from a file.
@@ -59,7 +76,7 @@ class Result:
     time: Array
     trajectories: Array | Callable[[], Array]
     signals: Mapping[str, Signal]
-    events: tuple[Event, ...] = ()
+    events: tuple[Event, ...] = cast("Any", _Events())
     stats: Mapping[str, object] = field(default_factory=dict)
     dense: Callable[[Array], Array] | None = None
     some: Callable[[Sequence[int]], Array] | None = None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -272,14 +273,15 @@ class EventLoop:
                 self.trace(LoopEvent(float(self.memory.event_time[k]), self._reached(k), left, right, self._jumps(k)))
         ends = [0, *self.memory.acts_end[: loop.events].tolist()]
         acts = self.memory.act[: ends[-1]].tolist()
-        boundaries = []
+        acted = [tuple(acts[first:last]) for first, last in pairwise(ends)]
         fired, others = _row_bytes(self.memory.fired[: loop.events]), _row_bytes(moved)
-        for k, t in enumerate(self.memory.event_time[: loop.events].tolist()):
-            happened = fired[k], tuple(acts[ends[k] : ends[k + 1]]), others[k]
-            if happened not in self._known:  # the same few events occur again and again
-                causes = self.explain(np.flatnonzero(self.memory.fired[k]).tolist(), list(happened[1]))
-                self._known[happened] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
-            boundaries.append((t, *self._known[happened]))
+        happened = list(zip(fired, acted, others, strict=True))
+        for k, event in enumerate(happened):  # the same few occur again and again
+            if event not in self._known:
+                causes = self.explain(np.flatnonzero(self.memory.fired[k]).tolist(), list(event[1]))
+                self._known[event] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
+        times_of_events = self.memory.event_time[: loop.events].tolist()
+        boundaries = [(t, *self._known[event]) for t, event in zip(times_of_events, happened, strict=True)]
         counters = {
             "steps": float(loop.steps),
             "rhs_evaluations": float(loop.rhs),

@@ -469,7 +469,7 @@ class Run:
                 dict.fromkeys((*self.compiled.flat.notes, *notes, *later_notes, *used[-1].notes(solvers[-1])))
             ),
             **({"terminated": hybrid.terminated} if hybrid is not None and hybrid.terminated is not None else {}),
-            **({"events": len(events)} if events else {}),
+            **({"events": len(events.boundaries)} if events.boundaries else {}),
             "time": {**self.compiled.timings, **self.timings},
         }
         return make_result(recorder, events, stats, Dense(recorder, lambda row, at: self.again(recorder, row, at)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from types import EllipsisType
 from typing import Any
@@ -26,11 +26,13 @@ from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import Cause
 from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.record.merge import Boundary
 from acausal.simulate.record.project import off_constraints, projected, projection
 from acausal.simulate.solvers.segment import Piece, add_counters
 
 # From this many rows on, all signals are computed together with `BufferedFunction.many`.
 _FEWEST_ROWS = 1024
+_INPUT_JUMPS = (Cause("an input jumps"),)
 
 
 class Recorder:
@@ -41,7 +43,7 @@ class Recorder:
         self.p, self.u = p, u
         self.is_constrained = bool(compiled.solution.structure.invariants)
         self.counters: dict[str, float] = {}
-        self.boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]] = []
+        self.boundaries: list[Boundary] = []
         self.segments = 0
         self.count = 0  # rows so far
         self._size = np.zeros(len(compiled.states))  # largest magnitude of each state
@@ -97,7 +99,7 @@ class Recorder:
         times: Vector,
         x: Vector,
         m: Vector,
-        boundaries: list[tuple[float, tuple[Cause, ...], tuple[str, ...]]],
+        boundaries: list[Boundary],
         counters: dict[str, float],
     ) -> None:
         """Add rows of many segments of a model without algebraic variables or constraints, and their events."""
@@ -246,7 +248,7 @@ def _extremes(x: Vector) -> tuple[Vector, Vector]:
 
 def make_result(
     recorder: Recorder,
-    events: tuple[Event, ...],
+    events: tuple[Event, ...] | EventLog,
     stats: dict[str, object],
     dense: Callable[[Vector], Vector] | None,
 ) -> Result:
@@ -492,13 +494,29 @@ class Dense:
         return np.asarray(recorder.observe(times, on_constraints, piece.z, modes))
 
 
-def event_log(
-    boundaries: Sequence[tuple[float, tuple[Cause, ...], tuple[str, ...]]],
-    instants: Vector,
-    inputs: Inputs,
-    cuts: Vector,
-) -> tuple[Event, ...]:
-    """The events at the boundaries between segments: time, text, location, component and changed variables.
+@dataclass(frozen=True, eq=False)
+class EventLog:
+    """Boundaries that are events; described only when they are read, as there may be thousands in a short run."""
+
+    boundaries: Sequence[Boundary]
+    instants: Vector
+
+    def __call__(self) -> tuple[Event, ...]:
+        """The events: time, text, location, component and changed variables."""
+        entries: dict[int, tuple[str, Span | None, str]] = {}  # by identity: thousands of events share a few tuples
+        events = []
+        for t, causes, changed in self.boundaries:
+            if not causes:
+                events.append(Event(t, _time_event(t, self.instants), changed=changed))
+                continue
+            if id(causes) not in entries:
+                entries[id(causes)] = _description(causes)
+            events.append(Event(t, *entries[id(causes)], changed))
+        return tuple(events)
+
+
+def event_log(boundaries: Sequence[Boundary], instants: Vector, inputs: Inputs, cuts: Vector) -> EventLog:
+    """The events at the boundaries between segments.
 
     A boundary without causes is one of the `instants` at which relations of time change, or an instant at which an
     input jumps. It is no event where an input continues with another polynomial, or where a table of time has a kink,
@@ -506,22 +524,17 @@ def event_log(
     """
     silent = {*inputs.breaks.tolist(), *cuts.tolist()} - set(instants.tolist())
     jumps = set(inputs.jumps.tolist())
-    entries: dict[int, tuple[str, Span | None, str]] = {}  # by identity: thousands of events share a few tuples
-    events = []
-    for t, causes, changed in boundaries:
-        if causes and not changed and not any(c.text for c in causes):
-            continue  # a rate becomes nonzero there, which is no event for the user
-        if not causes and not changed and t in silent:
-            if t in jumps:
-                events.append(Event(t, "an input jumps"))
-            continue
-        if not causes:
-            events.append(Event(t, _time_event(t, instants), changed=changed))
-            continue
-        if id(causes) not in entries:
-            entries[id(causes)] = _description(causes)
-        events.append(Event(t, *entries[id(causes)], changed))
-    return tuple(events)
+    shown: list[Boundary] = []
+    for boundary in boundaries:
+        t, causes, changed = boundary
+        if changed or not causes:
+            if changed or t not in silent:
+                shown.append(boundary)
+            elif t in jumps:
+                shown.append((t, _INPUT_JUMPS, ()))
+        elif any([c.text for c in causes]):  # otherwise a rate becomes nonzero there, which is no event for the user
+            shown.append(boundary)
+    return EventLog(shown, instants)
 
 
 @lru_cache(1024)
