@@ -10,6 +10,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -231,6 +232,33 @@ def test_casadi_stays_behind_the_lowering() -> None:
     assert not wrong, "\n" + "\n".join(wrong)
 
 
+# The beginning of a statement at module level that may name something; a name in two of them is looked at more closely.
+_NAMES = re.compile(r"^(?:(?:async )?def |class )?(\w+(?:, ?\w+)*)(?: ?: ?[^=\n]+)? ?[=(\[]", re.MULTILINE)
+
+
+def named(body: list[ast.stmt]) -> Iterator[str]:
+    """What the statements of one module or class define, once for each; properties and overloads share a name."""
+    for node in body:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            if not node.decorator_list or isinstance(node, ast.ClassDef):
+                yield node.name
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                yield from (n.id for n in ast.walk(target) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store))
+
+
+def test_no_module_defines_a_name_twice() -> None:
+    """Two people each added a constant of one name to a module, and git merged both without a conflict."""
+    twice = []
+    for path in (p for folder in ("acausal", "library", "models", "tests") for p in (ROOT / folder).rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        counted = Counter(name for found in _NAMES.findall(text) for name in found.replace(" ", "").split(","))
+        if max(counted.values(), default=0) > 1:
+            names = Counter(named(ast.parse(text).body))
+            twice += [f"{path.relative_to(ROOT)}: {name}" for name, count in names.items() if count > 1]
+    assert not twice
+
+
 def loaded_by(statement: str) -> set[str]:
     """Heavy packages that are loaded after `statement` in a fresh interpreter."""
     program = f"import sys\n{statement}\nprint(*[m for m in {sorted(HEAVY)!r} if m in sys.modules])"
@@ -239,15 +267,8 @@ def loaded_by(statement: str) -> set[str]:
     return set(run.stdout.split())
 
 
-def test_import_acausal_is_light() -> None:
-    assert loaded_by("import acausal") == set()
-
-
-def test_command_line_help_is_light() -> None:
-    assert loaded_by("import acausal.cli.main") == set()
-
-
 def test_libraries_are_light() -> None:
+    """The package itself too, which they import; that of the command line is in `tests/cli/test_process.py`."""
     names = [m for m in SOURCES if group(m) == "library" and not m.startswith("acausal.library.contact")]
     assert loaded_by("\n".join(f"import {name}" for name in names)) == set()
 

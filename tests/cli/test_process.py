@@ -16,7 +16,7 @@ import pytest
 from acausal.cli.doctor import _native
 from acausal.cli.output.failure import report_unraisable
 from acausal.result.result import load
-from tests.cli.running import ROOT, spawn, start
+from tests.cli.running import ROOT, run, spawn, start
 
 ENDLESS = '''from __future__ import annotations
 
@@ -44,15 +44,15 @@ def test_help_loads_nothing_heavy(folder: Path) -> None:
     program = (
         "import sys\nfrom acausal.cli.main import app\n"
         "try:\n    app(['--help'], prog_name='acausal')\nexcept SystemExit:\n    pass\n"
-        "print([m for m in ('numpy', 'casadi', 'scipy', 'matplotlib', 'pint') if m in sys.modules])"
+        "print([m for m in ('numpy', 'casadi', 'scipy', 'matplotlib', 'pandas', 'xarray', 'pint') if m in sys.modules])"
     )
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True)
-    assert run.stdout.splitlines()[-1] == "[]"
-    assert "simulate" in run.stdout
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert "simulate" in done.stdout
 
 
 def test_version(folder: Path) -> None:
-    outcome = spawn("--version", folder=folder)
+    outcome = run("--version")
     assert outcome.code == 0
     assert outcome.out.startswith("acausal")
     try:
@@ -156,7 +156,7 @@ def test_a_closed_pipe_is_no_error(folder: Path) -> None:
 
 
 def test_doctor_finds_this_installation_healthy(folder: Path) -> None:
-    outcome = spawn("doctor", folder=folder)
+    outcome = run("doctor")
     assert outcome.code == 0, outcome.out
     assert "broken" not in outcome.out
     for name in ("casadi", "solver idas", "solver rosenbrock", "compiling a model"):

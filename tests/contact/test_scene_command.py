@@ -19,7 +19,7 @@ def test_the_command_line_runs_a_scene_in_pieces(tmp_path: Path) -> None:
 
 
 def test_stats_tell_the_pairs_of_a_scene(tmp_path: Path) -> None:
-    done = run("simulate", "StackedPlates", "--stop-time", "1", "--no-output", "--stats")
+    done = run("simulate", "StackedPlates", "--stop-time", "0.1", "--no-output", "--stats")
     assert done.code == 0, done.err
     assert "4 bodies, 6 pairs: 2 in the equations" in done.out
     assert "drill - upper   drilling" in done.out

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from acausal import Component, Connector, Equations, Real, connect, flow, parameter, part, structural, variable
@@ -77,7 +77,6 @@ def flows(numbers: list[int]) -> frozenset[str]:
     return frozenset(f"stores[{n // 2}].{'ab'[n % 2]}.q" for n in numbers)
 
 
-@settings(max_examples=60)
 @given(partitions())
 def test_potentials_of_a_set_are_one_and_its_flows_sum_up(case: tuple[int, Sets]) -> None:
     size, sets = case
@@ -90,7 +89,6 @@ def test_potentials_of_a_set_are_one_and_its_flows_sum_up(case: tuple[int, Sets]
     assert len(flat.equations) == flat.n_scalars
 
 
-@settings(max_examples=60)
 @given(partitions(), st.randoms(use_true_random=False))
 def test_how_a_set_is_written_does_not_matter(case: tuple[int, Sets], random: Any) -> None:
     """All at once, as a chain of pairs, as a star, in any order and direction, with repetitions."""

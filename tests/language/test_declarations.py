@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import acausal
@@ -100,7 +100,6 @@ def test_one_number_fills_a_vector(value: float) -> None:
     assert parameters(Lag(), r=value) == found
 
 
-@settings(max_examples=25)
 @given(st.sampled_from(["k", "x", "r", "v"]), st.one_of(st.text(max_size=4), st.none(), st.just({}), st.just(object)))
 def test_what_is_no_quantity_is_refused_by_name(name: str, value: Any) -> None:
     with pytest.raises(DeclarationError) as caught:

@@ -6,7 +6,7 @@ from types import new_class
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import acausal
@@ -37,7 +37,6 @@ def make(name: str, bases: tuple[type[Component], ...], fields: tuple[str, ...] 
 hierarchies = st.lists(st.lists(st.integers(0, 6), max_size=2, unique=True), min_size=1, max_size=6)
 
 
-@settings(max_examples=60)
 @given(hierarchies)
 def test_fields_unite_and_equations_count_once(plan: list[list[int]]) -> None:
     """Whatever the hierarchy, diamonds too: what Python's own order of classes says, base first."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import acausal
@@ -66,7 +66,6 @@ def leaves(flat: Any) -> dict[str, float]:
     return found
 
 
-@settings(max_examples=50)
 @given(trees, st.floats(0.1, 5.0))
 def test_bindings_reach_every_leaf(tree: list[Any], k: float) -> None:
     flat = flatten(Node(tree=tuple(tree), k=k))
@@ -76,7 +75,6 @@ def test_bindings_reach_every_leaf(tree: list[Any], k: float) -> None:
         assert value == pytest.approx(wanted[path], rel=1e-12)
 
 
-@settings(max_examples=50)
 @given(trees, st.floats(0.1, 5.0), st.data())
 def test_an_override_by_path_changes_that_leaf_and_no_other(tree: list[Any], value: float, data: st.DataObject) -> None:
     wanted = expected(tree, 2.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import Akima1DInterpolator
 
@@ -72,7 +72,6 @@ def test_smooth_tables_go_through_their_points_with_one_slope(smoothness: Smooth
         assert (right - here) / step == pytest.approx((here - left) / step, abs=1e-5)
 
 
-@settings(max_examples=30)
 @given(st.lists(st.floats(0.01, 5.0), min_size=2, max_size=8), st.lists(st.floats(0.0, 5.0), min_size=8, max_size=8))
 def test_the_monotone_table_of_growing_points_grows(gaps: list[float], rises: list[float]) -> None:
     """F. N. Fritsch, J. Butland (1984): no overshoot between points."""

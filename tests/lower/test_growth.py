@@ -6,6 +6,7 @@ Counts, not seconds: all calls of functions, Python's and built-in ones, while a
 import cProfile
 import gc
 import pstats
+from collections.abc import Iterator
 
 import pytest
 
@@ -33,6 +34,14 @@ def test_calls_grow_with_the_model() -> None:
     assert (many - some) / 240 < 3700  # 3520 when this was written, 3970 before
 
 
+@pytest.fixture
+def frozen_again() -> Iterator[None]:
+    """Freeze again what `conftest.py` has frozen; otherwise every later collection of a session would traverse it."""
+    yield
+    gc.freeze()
+
+
+@pytest.mark.usefixtures("frozen_again")
 def test_what_was_made_is_old() -> None:
     """A hundred thousand lists made in a pause are in the oldest generation behind it, without a collection."""
     gc.unfreeze()  # nothing made is old where a user has frozen, as conftest.py has
@@ -48,6 +57,7 @@ def test_what_was_made_is_old() -> None:
     assert sum(s["collections"] for s in gc.get_stats()) <= runs + 3  # the walk for this assertion itself may be one
 
 
+@pytest.mark.usefixtures("frozen_again")
 def test_pause_leaves_what_the_user_froze() -> None:
     """`gc.freeze` is the user's: nothing is thawed."""
     gc.freeze()

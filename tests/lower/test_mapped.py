@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import event, given, settings
+from hypothesis import event, given
 from hypothesis import strategies as st
 
 import acausal
@@ -196,7 +196,6 @@ class Copies(Component):
 
 
 @given(plans(), st.sets(st.integers(0, 40), max_size=4))
-@settings(max_examples=30, deadline=None)
 def test_random_circuits(plan: Plan, zeros: set[int]) -> None:
     """Conductances of zero are left out, whichever they are."""
     with pytest.MonkeyPatch.context() as patch:

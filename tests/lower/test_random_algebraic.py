@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import acausal
@@ -40,7 +40,6 @@ MATRICES = st.lists(st.lists(st.one_of(st.just(0.0), SMALL), min_size=N, max_siz
 VECTORS = st.lists(SMALL, min_size=N, max_size=N)
 
 
-@settings(max_examples=40)
 @given(MATRICES, VECTORS, st.booleans())
 @example(np.eye(N).tolist(), [1.0] * N, False)
 @example((np.ones((N, N)) - np.eye(N)).tolist(), [1.0, 2.0, 3.0, 4.0, 5.0], True)
@@ -102,7 +101,6 @@ KINDS = st.lists(st.integers(0, 3), min_size=N, max_size=N)
 SOLUTIONS = st.lists(st.floats(-1, 1), min_size=N, max_size=N)
 
 
-@settings(max_examples=40)
 @given(MATRICES, KINDS, SOLUTIONS, st.sampled_from(["torn", "dae"]))
 def test_nonlinear_blocks(rows: list[list[float]], f: list[int], solution: list[float], formulation: str) -> None:
     """Torn or left whole, the solution is found and followed."""

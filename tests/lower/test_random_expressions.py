@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import acausal
@@ -110,7 +110,6 @@ def lowered(pool: Pool, nodes: list[int], count: int) -> Any:
     return ca.Function("f", [x], [builder.column(nodes)])
 
 
-@settings(max_examples=150)
 @given(TREES)
 @example(("sub", ("neg", ("leaf", "x")), ("neg", ("leaf", "y"))))
 @example(("mul", ("number", -1.0), ("neg", ("sub", ("leaf", "x"), ("number", 0.0)))))
@@ -127,7 +126,6 @@ def test_value(tree: Tree) -> None:
     np.testing.assert_allclose(np.broadcast_to(again, expected.shape), expected, rtol=1e-11, atol=1e-11)
 
 
-@settings(max_examples=60)
 @given(st.lists(TREES, min_size=2, max_size=5), st.sampled_from(sorted(TWO)))
 def test_many_at_once(trees: list[Tree], name: str) -> None:
     """Equal operations of one level are lowered as a column: every tree combined with every other is one of those."""
@@ -138,7 +136,6 @@ def test_many_at_once(trees: list[Tree], name: str) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
-@settings(max_examples=100)
 @given(TREES)
 def test_slopes(tree: Tree) -> None:
     """Sampled gradients and symbolic time derivatives against CasADi's derivatives of the lowered expression."""

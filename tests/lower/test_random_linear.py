@@ -108,7 +108,6 @@ INDEX_FOUR = (
 )
 
 
-@settings(max_examples=80)
 @given(systems())
 @example((Row("alias", 0, 1), Row("alias", 1, 0)))
 @example((Row("alias", 0, 1), Row("alias", 1, 0, -1.0)))

@@ -15,19 +15,16 @@ NATIVE = tuple(f"{solver} native" for solver in SOLVERS)
 SLOW = (*NATIVE, "accuracy", "bench", "rk fixed step", "rk2 fixed step")
 
 # What runs a model several times is left to the slow part where once takes its time.
-SEVERAL = ("stability", "threads", "twice")
+SEVERAL = ("stability", "threads", "again")
 
 # What runs a model once more or compiled, or reads its result otherwise, is the same from another start.
 AGAIN = (
     *NATIVE,
-    "twice",
-    "fresh compile",
+    "again",
     "accuracy",
     "other interval",
     "other stop",
     "bench",
-    "at",
-    "pickled",
     "threads",
 )
 
@@ -57,5 +54,5 @@ def test_cell(feature: Feature, verb: str) -> None:
     except AcausalError as error:
         code = error.code
     assert code is None or not code.startswith("AC9"), f"{code} is a defect"
-    if feature.refused is not None and verb in ("pickled", *SOLVERS):
+    if feature.refused is not None and verb in ("again", *SOLVERS):
         assert code == feature.refused[0]

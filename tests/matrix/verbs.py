@@ -96,29 +96,31 @@ def fixed_step(solver: str) -> Verb:
     return verb
 
 
-def twice(feature: Feature) -> None:
-    """The same component twice, the same compiled model twice."""
-    component = feature.make()
-    first, second = run(feature, component), run(feature, component)
-    compiled = acausal.compile(component)
-    third, fourth = run(feature, compiled), run(feature, compiled)
-    for result in (first, second, third, fourth):
-        right(feature, result)
-    for other in (second, third, fourth):
-        assert np.array_equal(first.time, other.time), "the second run has other rows"
-        assert [e.time for e in first.events] == [e.time for e in other.events]
+def again(feature: Feature) -> None:
+    """A run leaves its component and its compiled model as they were; copies of them and of the result are equal.
 
-
-def fresh_compile(feature: Feature) -> None:
-    """A run leaves the component as it was: compiled afterwards it is the same model."""
+    The component twice, what is compiled from it after a run, and a pickled copy of it: the same rows and events.
+    `result.at` is right between the rows.
+    """
     component = feature.make()
     before = acausal.compile(component)
-    right(feature, run(feature, component))
-    after = acausal.compile(component)
-    assert before.states == after.states
-    assert before.algebraic == after.algebraic
-    assert acausal.flatten(component).name == before.flat.name
-    assert len(acausal.flatten(component).equations) == len(before.flat.equations)
+    first = run(feature, component)
+    right(feature, first)
+    compiled = acausal.compile(component)
+    assert before.states == compiled.states
+    assert before.algebraic == compiled.algebraic
+    flat = acausal.flatten(component)
+    assert flat.name == before.flat.name
+    assert len(flat.equations) == len(before.flat.equations)
+    others = [run(feature, model) for model in (component, compiled, pickle.loads(pickle.dumps(component)))]
+    for other in (*others, pickle.loads(pickle.dumps(first))):
+        right(feature, other)
+        assert np.array_equal(first.time, other.time), "the second run has other rows"
+        assert [e.time for e in first.events] == [e.time for e in other.events]
+    times = feature.stop * (np.arange(12) + 0.37) / 12
+    times = times[away(feature, times, 1e-3)]
+    names = list(feature.exact(np.zeros(1), feature.value))
+    close(feature, times, {n: np.asarray(first.at(times, n)) for n in names}, feature.tolerance)
 
 
 def accuracy(feature: Feature) -> None:
@@ -204,9 +206,10 @@ def step_function(feature: Feature) -> None:
     made = acausal.step_function(acausal.compile(feature.make()), feature.stop / count, "rk4", names)
     x = np.array(made.x.start)
     u = np.array([feature.inputs[port.name] for port in made.u])
+    p = np.array(made.p.start)
     found = []
     for _ in range(count):
-        new, y = made.function(x, u, np.array(made.p.start))
+        new, y = made.function(x, u, p)
         x = np.asarray(new).ravel()
         found.append(np.asarray(y).ravel())
     if feature.refused is not None:
@@ -330,23 +333,6 @@ def bench(feature: Feature) -> None:
         assert made.failure or made.error < 1e-2, f"{made.case.series}: {made.error:.1e}"
 
 
-def off_the_grid(feature: Feature) -> None:
-    """`result.at` between the rows."""
-    result = run(feature)
-    times = feature.stop * (np.arange(12) + 0.37) / 12
-    times = times[away(feature, times, 1e-3)]
-    names = list(feature.exact(np.zeros(1), feature.value))
-    close(feature, times, {n: np.asarray(result.at(times, n)) for n in names}, feature.tolerance)
-
-
-def pickled(feature: Feature) -> None:
-    """Copies of the component and of the result."""
-    copy = pickle.loads(pickle.dumps(feature.make()))
-    result = run(feature, copy)
-    right(feature, result)
-    right(feature, pickle.loads(pickle.dumps(result)))
-
-
 def threads(feature: Feature) -> None:
     """One component, and one compiled model, in two threads at the same time."""
     for model in (feature.make(), acausal.compile(feature.make())):
@@ -360,8 +346,7 @@ VERBS: dict[str, Verb] = {
     **{solver: simulated(solver) for solver in SOLVERS},
     **{f"{solver} native": simulated(solver, native=True) for solver in SOLVERS},
     **{f"{solver} fixed step": fixed_step(solver) for solver in ("rk", "rk2", "collocation", "erk", "rosenbrock")},
-    "twice": twice,
-    "fresh compile": fresh_compile,
+    "again": again,
     "accuracy": accuracy,
     "outputs": outputs,
     "other interval": other_interval,
@@ -374,7 +359,5 @@ VERBS: dict[str, Verb] = {
     "reduce": reduce,
     "stability": stability,
     "bench": bench,
-    "at": off_the_grid,
-    "pickled": pickled,
     "threads": threads,
 }

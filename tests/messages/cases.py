@@ -1,7 +1,7 @@
 """Broken models and what is said about them: the frame of the corpus.
 
 Every case is a class or a function that is wrong in one way, decorated with the class of error, the thing that the
-first two lines have to name, and the places in the source that are marked, in their order. A dozen cases have the whole
+first line has to name, and the places in the source that are marked, in their order. A dozen cases have the whole
 message too, with file names without their folders and N for line numbers.
 """
 
@@ -36,12 +36,15 @@ class Case:
         return self.name
 
     def check(self) -> None:
-        """The class of error, the name in the first two lines, the places; perhaps every letter."""
+        """The class of error and the name in the first line, a file in the second, the places; perhaps every letter."""
         with pytest.raises(AcausalError) as caught:
             self.run()
         text = normalised(caught.value)
-        assert caught.value.code == self.code, text
-        assert self.named in "\n".join(text.splitlines()[:2]), text
+        first, second, *_ = text.splitlines()
+        assert first.startswith(f"error[{self.code}]: "), text
+        assert self.named in first, text
+        assert second.startswith("  at      "), text
+        assert second.endswith(".py:N"), text
         assert marked(text) == self.places, text
         if self.text:
             assert text == self.text.strip("\n")

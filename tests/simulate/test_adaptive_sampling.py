@@ -103,7 +103,7 @@ def test_pulses_without_a_middle(solver: str) -> None:
 def test_compiled_runs_find_a_pulse_that_underflows_on_both_sides(pulse: str) -> None:
     """Zero but for 1e-6 to 1e-5 of the run, beside a relation of a state, in compiled code; the integral as above."""
     rng = random.Random(f"underflow {pulse}")
-    for _ in range(4):
+    for _ in range(2):
         w, c, tolerance = SPAN * 10.0 ** rng.uniform(-6.0, -5.0), SPAN * rng.uniform(0.2, 0.8), rng.choice([1e-4, 1e-6])
         run: dict[str, Any] = {"stop_time": SPAN, "solver": "erk", "tolerance": tolerance, "native": True}
         r = acausal.simulate(_compiled(pulse, True, True), parameters={"c": c, "w": w, "k": 1.0 / w}, **run)
@@ -171,8 +171,7 @@ def test_a_pulse_behind_a_step(solver: str, formulation: str) -> None:
     g = (np.arange(100_000) + 0.5) / 100_000
     integral = float(np.mean((np.exp(-60.0 * (g - 0.5) ** 2) - math.exp(-15.0)) / (2.0 * g * (1.0 - g))))
     model, rng = acausal.compile(Behind(), formulation=formulation), random.Random(f"{solver} {formulation}")
-    for _ in range(3):
-        w, c, tolerance = SPAN * 10.0 ** rng.uniform(-5.0, -3.0), SPAN * rng.uniform(0.2, 0.8), rng.choice([1e-6, 1e-8])
-        run: dict[str, Any] = {"stop_time": SPAN, "solver": solver, "tolerance": tolerance, "native": False}
-        r = acausal.simulate(model, parameters={"c": c, "w": w}, output_interval=7.0, **run)
-        assert r.final("y") == pytest.approx(w * integral, abs=100.0 * tolerance), (w, c, tolerance)
+    w, c, tolerance = SPAN * 10.0 ** rng.uniform(-5.0, -3.0), SPAN * rng.uniform(0.2, 0.8), rng.choice([1e-6, 1e-8])
+    run: dict[str, Any] = {"stop_time": SPAN, "solver": solver, "tolerance": tolerance, "native": False}
+    r = acausal.simulate(model, parameters={"c": c, "w": w}, output_interval=7.0, **run)
+    assert r.final("y") == pytest.approx(w * integral, abs=100.0 * tolerance), (w, c, tolerance)

@@ -58,8 +58,7 @@ class Passed(Component):
         yield der(self.area) == where(self.n > 0.5, 1.0, 0.0) + late
 
 
-@pytest.mark.parametrize("is_named", [False, True])
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize(("solver", "is_named"), list(zip(SOLVERS, [False, True, True, False], strict=True)))
 @pytest.mark.parametrize("what", ["discrete equation", "when", "assertion", "delay"])
 def test_events_read_them(what: str, solver: str, is_named: bool) -> None:
     """From asin(1/2) = pi/6 on; the delayed sine is integrated from 0.5 s on."""

@@ -151,7 +151,6 @@ FLOATING = (
 )
 
 
-@settings(max_examples=100)
 @given(plans())
 @example((GROUND, two("V", 1, 0, 1.0), two("C", 1, 0, 1.0, 0.0)))  # a capacitor at a source: index 2
 @example((GROUND, two("I", 1, 0, 1.0), two("L", 1, 0, 1.0, 0.0)))  # an inductor at a current source: index 2

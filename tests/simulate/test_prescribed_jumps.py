@@ -145,8 +145,7 @@ def test_a_jump_at_an_instant_that_is_found_in_the_run(solver: str) -> None:
     assert error.value.code == "AC039"
 
 
-@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
-@pytest.mark.parametrize("of_time", [False, True])
+@pytest.mark.parametrize(("solver", "of_time"), [("idas", False), ("rosenbrock", True)])
 @pytest.mark.parametrize("name", LAWS)
 def test_an_integrated_rate_is_what_it_is_the_rate_of(name: str, of_time: bool, solver: str) -> None:
     """w' = q' makes w = q, or is refused where q jumps."""

@@ -63,7 +63,7 @@ def plain() -> acausal.Result:
     return acausal.simulate(Compared(), stop_time=4.0, tolerance=1e-8)
 
 
-@pytest.mark.parametrize("c", [1e-15, 1e-22, 1e12])
+@pytest.mark.parametrize("c", [1e-22, 1e12])
 @pytest.mark.parametrize(("solver", "native"), [("erk", False), ("rosenbrock", True), ("idas", False)])
 def test_factors_of_relations_change_no_run(plain: acausal.Result, c: float, solver: str, native: bool) -> None:
     run = acausal.simulate(Compared(), stop_time=4.0, tolerance=1e-8, solver=solver, native=native, parameters={"c": c})

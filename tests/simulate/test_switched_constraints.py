@@ -145,20 +145,25 @@ class Shaft(Component):
         yield self.law(self)
 
 
+JUMPING: dict[str, Callable[[Shaft], Any]] = {
+    "time": lambda m: m.w == where(time > 0.5, 2.0, 1.0) * m.v,
+    "discrete": lambda m: m.w == m.gear * m.v,
+    "boolean": lambda m: where(m.low, m.w - 2.0 * m.v, m.w - m.v) == 0.0,
+    "kink": lambda m: m.b == where(m.a > 0.5, 2.0 * m.a - 0.5, m.a),
+    "step": lambda m: m.b == m.a + where(m.a > 0.5, 0.3, 0.0),
+}
+
+
 @pytest.mark.parametrize(
-    "law",
+    ("name", "solver"),
     [
-        lambda m: m.w == where(time > 0.5, 2.0, 1.0) * m.v,
-        lambda m: m.w == m.gear * m.v,
-        lambda m: where(m.low, m.w - 2.0 * m.v, m.w - m.v) == 0.0,
-        lambda m: m.b == where(m.a > 0.5, 2.0 * m.a - 0.5, m.a),
-        lambda m: m.b == m.a + where(m.a > 0.5, 0.3, 0.0),
+        *((name, "idas") for name in JUMPING),
+        *(("time", "rosenbrock"), ("kink", "rosenbrock"), ("step", "erk"), ("discrete", "erk")),
     ],
-    ids=["time", "discrete", "boolean", "kink", "step"],
 )
-@pytest.mark.parametrize("solver", ["idas", "rosenbrock", "erk"])
-def test_a_constraint_that_changes_by_a_jump_is_refused_when_it_does(law: Callable[[Shaft], Any], solver: str) -> None:
+def test_a_constraint_that_changes_by_a_jump_is_refused_when_it_does(name: str, solver: str) -> None:
     """Without an impulse on the first mass, momentum would come from nothing: 1*1 + 2*1 becomes 1*1 + 2*2."""
+    law = JUMPING[name]
     with pytest.raises(AcausalError) as caught:
         acausal.simulate(Shaft(law=law), stop_time=1.0, solver=solver)
     assert caught.value.code == "AC507"

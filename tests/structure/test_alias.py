@@ -7,7 +7,7 @@ from random import Random
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from acausal.errors import InternalError
@@ -127,7 +127,6 @@ def systems(draw: st.DrawFn) -> tuple[int, list[Relation], list[int]]:
     return n, relations, draw(st.lists(st.integers(0, 2), min_size=n, max_size=n))
 
 
-@settings(max_examples=300)
 @given(systems())
 def test_classes_span_the_null_space(system: tuple[int, list[Relation], list[int]]) -> None:
     n, relations, priority = system
