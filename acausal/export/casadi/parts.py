@@ -153,7 +153,7 @@ def with_fixed_arguments(
                 symbol[list(chosen)] = outer[-1]
         inner.append(symbol)
     found = function.call(inner, True, False)
-    if refuses:
+    if refusal is not None and refuses:
         found = spoilt(found, refusal(inner[names.index("p")]))
     results = [function.name_out(k) for k in range(function.n_out())]
     return ca.Function(function.name(), outer, found, remaining_names, results)
