@@ -23,6 +23,7 @@ from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
+from acausal.simulate.events.location.phases import phases
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library
@@ -76,6 +77,8 @@ def suits_event_loop(problem: Problem, solver: Solver) -> bool:
         # within steps the loop searches the turning points and middles of steep functions, and so misses a pulse that
         # underflows on both sides (1/cosh); a method that evaluates slopes fails there, an explicit one would go on
         and not (solver.explicit and compiled.is_steep)
+        # it looks at guards at the ends of steps, within which phases may swing there and back
+        and phases(compiled) is None
     )
 
 

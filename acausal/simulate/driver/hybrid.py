@@ -19,7 +19,9 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
-from acausal.simulate.events.location.search import Arrival, Search
+from acausal.simulate.events.location.arrival import Arrival
+from acausal.simulate.events.location.phases import phases
+from acausal.simulate.events.location.search import Search
 from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
@@ -113,6 +115,8 @@ class Hybrid:
         self.lingering = Lingering()
         self.search = Search(self.guards, self.solver, self.explore, self.span)
         self.single_step = self.solver.native == "integrator" and not self.problem.compiled.algebraic
+        # guards with phases are searched: solvers that stop by themselves look at the ends of steps only
+        self.single_step &= phases(self.problem.compiled) is None
         # without states there is no error by which to choose a step
         self.single_step &= self.problem.n_dynamic > 0
         # delayed signals are recorded by integrations that continue to the end of a segment

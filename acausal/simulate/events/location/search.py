@@ -23,7 +23,9 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
+from acausal.simulate.events.location.arrival import Arrival
 from acausal.simulate.events.location.between import LeftGuards, between, lowest, root
+from acausal.simulate.events.location.phases import first_swing
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import on_equations, pace, quadratures_at
@@ -55,21 +57,6 @@ _MOST_FAILURES, _PROGRESS = 100, 1e-6
 _MOST_STEPS_STUCK, _ADVANCE = 20_000, 1e-4
 # The number of parts of a stretch without guards that needs more steps than one call of a solver may take.
 _PARTS = 1000
-
-
-@dataclass(frozen=True, eq=False)
-class Arrival:
-    """Where a stretch ends: at an event at `time`, or at its end (None).
-
-    `vague`: The guard of the event if it was never larger than its error; otherwise None.
-    `small`: The same with the error that it has before errors of the states have relaxed.
-    """
-
-    time: float | None
-    x: Vector
-    z: Vector
-    vague: int | None = None
-    small: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +156,7 @@ class Search:
             self._note_step(here, float(part.times[count - 1]), piece)
             rows = self._mesh_rows(part, count, marks)
             mesh = self._mesh(task, part, piece, rows)
-            found = self._suspect(task, mesh, piece, rows)
+            found = self._swings(task, mesh, piece, rows, self._suspect(task, mesh, piece, rows))
             # without the interval before a failure, as nothing is known of the guards after it
             keep, finer = int(rows[-2]) + 1 if piece.stopped and len(rows) > 2 else count, task.finer[:0]
             if found is not None:
@@ -372,6 +359,19 @@ class Search:
                 if self._is_significant(task, mesh, row, bounds[k], may_pass[k], piece, rows):
                     return row, False
         return (last - 1, True) if is_passed else None
+
+    def _swings(
+        self, task: _Task, mesh: _Mesh, piece: Piece, rows: NDArray[np.int64], found: tuple[int, bool] | None
+    ) -> tuple[int, bool] | None:
+        """`found`, or an interval up to there in which a phase advances so far that the guards between are unknown."""
+        times, until = mesh.times[mesh.start :], len(rows) if found is None else found[0] - mesh.start + 1
+        k, spacing = first_swing(
+            task.moment, task.segment, times, piece, rows, until, meshing.resolution(float(times[0]), self.span)
+        )
+        if k is None or len(task.finer) >= _DEEPEST:
+            return found
+        self.spacing = min(self.spacing, spacing)
+        return mesh.start + k, False
 
     def _is_significant(
         self, task: _Task, mesh: _Mesh, row: int, low: Vector, may_pass: Truth, piece: Piece, rows: NDArray[np.int64]

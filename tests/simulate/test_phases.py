@@ -1,0 +1,100 @@
+"""Guards that swing while all states rest: each period of the carrier has its events, whatever the steps and rows.
+
+Law: `sin(2 pi f t) > a` begins once in each period; a comparator of a slow sine with a carrier changes where their
+difference, a closed form, changes its sign. No rate depends on the carrier, so that no step of a solver resolves it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import acausal
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    acos,
+    asin,
+    cos,
+    der,
+    discrete,
+    fixed,
+    parameter,
+    pre,
+    reset,
+    sin,
+    time,
+    variable,
+    when,
+    where,
+)
+
+_PERIODS = 20
+
+
+class Counter(Component):
+    threshold: Real = parameter(default=0.9)
+    x: Real = variable(default=fixed(0.0))
+    n: Real = discrete(default=fixed(0.0))
+    phase: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1 - self.x
+        yield der(self.phase) == 2 * math.pi * _PERIODS
+        yield when(sin(self.phase) > self.threshold, reset(self.n, pre(self.n) + 1))
+
+
+class Modulator(Component):
+    x: Real = variable(default=fixed(0.0))
+    carrier: Real = variable()
+    level: Real = variable()
+
+    def wave(self, w: Expr) -> Expr:
+        return sin(w)
+
+    def equations(self) -> Equations:
+        yield self.carrier == self.wave(2 * math.pi * _PERIODS * time)
+        yield self.level == where(0.8 * sin(math.pi * time / 2) > self.carrier, 1.0, -1.0)
+        yield 5e-3 * der(self.x) == self.level - self.x
+
+
+class Triangle(Modulator):
+    def wave(self, w: Expr) -> Expr:
+        return 2 / math.pi * asin(sin(w))
+
+
+class ShiftedTriangle(Modulator):
+    def wave(self, w: Expr) -> Expr:
+        return 1 - 2 / math.pi * acos(cos(w))
+
+
+@pytest.mark.parametrize("native", [False, True])
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas"])
+@pytest.mark.parametrize("rows", [1, 7])
+def test_each_period_is_counted(solver: str, native: bool, rows: int) -> None:
+    result = acausal.simulate(Counter(), stop_time=1.0, solver=solver, native=native, output_interval=1.0 / rows)
+    assert result["n"][-1] == _PERIODS
+
+
+@pytest.mark.parametrize(
+    ("model", "carrier"),
+    [
+        (Modulator, np.sin),
+        (Triangle, lambda w: 2 / np.pi * np.arcsin(np.sin(w))),
+        (ShiftedTriangle, lambda w: 1 - 2 / np.pi * np.arccos(np.cos(w))),
+    ],
+)
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+def test_a_comparator_changes_where_the_closed_form_does(
+    model: type[Modulator], carrier: Callable[[Any], Any], solver: str
+) -> None:
+    result = acausal.simulate(model(), stop_time=1.0, solver=solver, output_interval=0.5)
+    t = np.linspace(1e-6, 1.0 - 1e-6, 100_000)
+    is_above = 0.8 * np.sin(np.pi * t / 2) > carrier(2 * np.pi * _PERIODS * t)
+    assert len(result.events) == np.count_nonzero(np.diff(is_above))
