@@ -75,9 +75,10 @@ def test_plate_that_turns_about_its_normal_changes_no_depth() -> None:
 def test_drill_beside_the_plate_cuts_nothing(x: float, beside: bool) -> None:
     # The plate is 100 mm wide.
     r = acausal.simulate(TiltedDrill(tilt=0.0, place=(x, 0.0, -0.001)), stop_time=3.0)
-    assert bool(r["drill.F_c"].max() == 0.0) is beside
-    assert bool(r["drill.d_O"].max() == 0.0) is beside
-    assert bool(r["drill.s"].max() <= 0.0) is beside
+    # rows between mesh points are interpolated: zero to rounding of forces of some kN and of depths of some mm
+    assert bool(r["drill.F_c"].max() < 1e-9) is beside
+    assert bool(r["drill.d_O"].max() < 1e-15) is beside
+    assert bool(r["drill.s"].max() < 1e-15) is beside
 
 
 def test_drill_tilted_beyond_the_limit_does_not_cut() -> None:
