@@ -114,12 +114,24 @@ def simulate(
         accurate: Result = provided("simulated_to_accuracy")(compiled, accuracy, given, rest, progress)
         return accurate
     opts = options(compiled.flat.experiment, **given)
-    try:
-        result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
-    except (RunError, InitializationError) as error:
-        error.evidence = (*error.evidence, *_infinite(compiled, parameter_vector(compiled, values or {}), str(error)))
-        raise
+    result = _explained(compiled, opts, values or {}, inputs or {}, progress, force)
     return _with_remarks(result, _remarks(compiled, result, values or {}, start or {}))
+
+
+def _explained(
+    compiled: CompiledModel,
+    chosen: Options,
+    parameters: Mapping[str, object],
+    inputs: Mapping[str, Any],
+    progress: Progress | None,
+    force: bool,
+) -> Result:
+    """`_result`, whose errors name infinite parameters."""
+    try:
+        return _result(compiled, chosen, parameters, inputs, progress, force)
+    except (RunError, InitializationError) as error:
+        error.evidence = (*error.evidence, *_infinite(compiled, parameter_vector(compiled, parameters), str(error)))
+        raise
 
 
 def _infinite(compiled: CompiledModel, p: Vector, known: str) -> list[str]:

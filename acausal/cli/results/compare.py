@@ -115,17 +115,22 @@ def compare(
             f"{counted(len(found), 'common signal')}, {len(set(a.names) ^ set(b.names))} in one file only, compared at "
             f"{counted(instants, 'instant')} of {low:g} ... {high:g} s: {verdict} {tolerance:g}"
         )
-        if short:
-            covered, required = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
-            say(f"{second.name} covers {covered} the {required} {first.name}: out of tolerance")
-        if missing:
-            from acausal.diagnose import words
-
-            say(f"{second.name} lacks {words.listed(missing)} of {first.name}: out of tolerance; choose by --signals")
+        _say_lacks(a, b, first.name, second.name, missing)
         if picture is not None:
             remark(f"wrote {picture}")
     if not is_within:
         raise typer.Exit(OUT_OF_TOLERANCE)
+
+
+def _say_lacks(a: Result, b: Result, first: str, second: str, missing: list[str]) -> None:
+    """Say which times and which signals of the first result the second one lacks."""
+    if is_shorter(a, b):
+        covered, required = (f"{r.time[0]:g} ... {r.time[-1]:g} s of" for r in (b, a))
+        say(f"{second} covers {covered} the {required} {first}: out of tolerance")
+    if missing:
+        from acausal.diagnose import words
+
+        say(f"{second} lacks {words.listed(missing)} of {first}: out of tolerance; choose by --signals")
 
 
 def _check_positive(flag: str, number: float) -> None:

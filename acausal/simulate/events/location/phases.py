@@ -32,7 +32,7 @@ _MADE: WeakKeyDictionary[CompiledModel, NarrowFunction | None] = WeakKeyDictiona
 
 
 def phases(compiled: CompiledModel) -> NarrowFunction | None:
-    """The phases of the guards of a model, a function of (t, x, z, u, p, m); None if there are none that vary."""
+    """The phases of the guards of a model [rad], a function of (t, x, z, u, p, m); None if there are none that vary."""
     if compiled not in _MADE:
         _MADE[compiled] = _made(compiled)
     return _MADE[compiled]
@@ -73,8 +73,8 @@ def first_swing(
 ) -> tuple[int | None, float]:
     """The first of some intervals in which a phase advances too far, or None, and a better distance of mesh points [s].
 
-    `times`: The start of the segment and mesh points, which are the `rows` of a piece; the first `until` intervals
-    count, unless they are nearly as short as `shortest` [s].
+    `times`: The start of the segment and n mesh points, shape (n + 1,), which are the `rows` of a piece, shape (n,).
+    `until`, `shortest`: The first `until` intervals count, unless they are nearly as short as `shortest` [s].
     """
     problem = moment.regime.problem
     function = phases(problem.compiled)
