@@ -283,13 +283,6 @@ class _Aliases:
         number: dict[int, int] = {}
         old = self.pool
 
-        def number_variable(variable: int) -> None:
-            if variable not in number:
-                base = old.integral_of.get(variable)
-                if base is not None:
-                    number_variable(base)
-                number[variable] = pool.new_variables(1) if base is None else pool.derivative(number[base])
-
         image_old = self._scalar_images()
         slopes_old = self._slopes()
         initial_old = [old.sub(e.left, e.right) for e in self.flat.initial_equations]
@@ -307,10 +300,10 @@ class _Aliases:
         roots += [n for nodes in delays_old for n in nodes]
         reachable = old.reachable(roots)
         for variable in sorted(node[1] for node in map(old.nodes.__getitem__, reachable) if node[0] == "var"):
-            number_variable(variable)
+            _number(variable, number, old, pool)
         for x, (v, _) in self.link.items():
-            number_variable(x)
-            number_variable(v)
+            _number(x, number, old, pool)
+            _number(v, number, old, pool)
             pool.derivative_of[number[x]] = number[v]
             pool.integral_of[number[v]] = number[x]
         done = dict(zip(old.vars(number), pool.vars(number.values()), strict=True))
@@ -362,6 +355,15 @@ class _Aliases:
         return pairs
 
 
+def _number(variable: int, number: dict[int, int], old: Pool, new: Pool) -> None:
+    """Number a variable of the old pool, and those it is a derivative of, in the new one."""
+    if variable not in number:
+        base = old.integral_of.get(variable)
+        if base is not None:
+            _number(base, number, old, new)
+        number[variable] = new.new_variables(1) if base is None else new.derivative(number[base])
+
+
 class _Users:
     """Which equations contain which variables: pairs in two arrays, searched for many variables at once."""
 
@@ -405,14 +407,13 @@ def _priorities(flat: FlatSystem) -> list[int]:
     priority = [-100] * flat.n_scalars
     declared_ranks: dict[int, tuple[int, bool]] = {}
     starts, differentiated = flat.starts, set(flat.pool.integral_of.values())
-    for v in flat.variables:
-        d = v.declaration
+    for path, d, first, size in flat.variables:
         if id(d) not in declared_ranks:
             rank = 8 * (d.prefer_state is True) - 8 * (d.prefer_state is False) - 2 * (d.kind.value == "flow")
             declared_ranks[id(d)] = rank, d.kind.value == "variable"
         rank, internal = declared_ranks[id(d)]
-        rank -= "." in v.path
-        for k in range(v.first, v.first + v.size):
+        rank -= "." in path
+        for k in range(first, first + size):
             scalar_rank = rank + 4 if k in starts else rank
             if internal and k in differentiated:
                 scalar_rank += 1  # prefers the voltage of a capacitor to the potential of a pin

@@ -8,7 +8,7 @@ from math import comb
 
 import numpy as np
 
-from acausal.diagnose.balance import balance
+from acausal.diagnose.balance import balance, refuse_superfluous
 from acausal.diagnose.constraints import differentiated_input, redundant_constraints, refuse_if_singular, undetermined
 from acausal.diagnose.modes import refuse_changing_structure
 from acausal.flatten.connections.connections import UnionFind
@@ -16,7 +16,7 @@ from acausal.flatten.reduced import ReducedSystem
 from acausal.flatten.scalars.differentiate import differentiate
 from acausal.numeric.evaluate import Samples, gradients
 from acausal.numeric.samples import COUNT, FAR, SamplePoints, Visited
-from acausal.structure import Block, Choice, Incidence, blocks, match, pantelides, select_dummies
+from acausal.structure import Block, Choice, Incidence, blocks, highest_derivatives, match, pantelides, select_dummies
 
 _CHECKED_LEVELS = (5, 20)
 """Numbers of differentiations of one equation at which the system is checked for singularity; at the last one the model
@@ -92,11 +92,17 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
         the structure depends on the mode.
     """
     _check_inputs(reduced)  # before the balance, which would report the derivative of an input as a missing equation
-    balance(reduced)
     system = _System(reduced)
     n = len(reduced.residuals)
     moving = set(reduced.pool.derivative_of)
-    assigned, derivative = pantelides(system, n)
+    incidence = highest_derivatives(system, n)
+    matched = match(incidence)
+    # Each variable has one highest derivative: a perfect matching with these is one with the variables.
+    if (matched < 0).any() or n != system.n_variables() - len(moving) - len(system.inputs):
+        balance(reduced)
+    else:
+        refuse_superfluous(reduced)
+    assigned, derivative = pantelides(system, matched.tolist())
     _check_inputs(reduced)  # again, for inputs in differentiated constraints
     integral = {new: old for old, new in derivative.items()}
     points = SamplePoints(reduced, visited)
@@ -123,7 +129,8 @@ def analyse(reduced: ReducedSystem, keep_constraints: bool = False, visited: Vis
     dummies = {v for c in choices for v in c.dummies}
     pool = reduced.pool
     states = tuple(sorted(x for x, dx in pool.derivative_of.items() if dx not in dummies and x not in reduced.inputs))
-    order = _order(system, set(states), {e for e, _ in invariants})
+    # Without differentiation the unknowns are the highest derivatives, which are matched already.
+    order = _order(system, set(states), {e for e, _ in invariants}) if integral else blocks(incidence, matched)
     refuse_changing_structure(reduced, system.residuals, order, system.source)
     return Structure(
         reduced=reduced,
@@ -180,19 +187,15 @@ def _groups(system: _System, equations: Sequence[int], unknowns: set[int]) -> li
 def _order(system: _System, states: set[int], without: set[int]) -> tuple[Block, ...]:
     known = states | system.inputs
     equations = [e for e in range(len(system.residuals)) if e not in without]
-    unknowns = [v for v in range(system.n_variables()) if v not in known]
-    column_of = {v: k for k, v in enumerate(unknowns)}
-    rows = [[column_of[v] for v in system.incidence(e) if v in column_of] for e in equations]
-    incidence = Incidence.from_rows(rows, len(unknowns))
-    matched = match(incidence)
-    if len(rows) != len(unknowns) or (matched < 0).any():
-        free = sorted(set(range(len(unknowns))) - {int(c) for c in matched if c >= 0})
-        unmatched = [system.source[equations[r]] for r in np.flatnonzero(matched < 0)]
-        raise undetermined(system.reduced, unmatched, [unknowns[c] for c in free])
-    return tuple(
-        Block(tuple(equations[r] for r in b.rows), tuple(unknowns[c] for c in b.columns))
-        for b in blocks(incidence, matched)
+    incidence = Incidence.from_rows(
+        ([v for v in system.incidence(e) if v not in known] for e in equations), system.n_variables()
     )
+    matched = match(incidence)
+    unknowns = {v for v in range(system.n_variables()) if v not in known}
+    if len(equations) != len(unknowns) or (matched < 0).any():
+        unmatched = [system.source[equations[r]] for r in np.flatnonzero(matched < 0)]
+        raise undetermined(system.reduced, unmatched, sorted(unknowns - set(matched.tolist())))
+    return tuple(Block(tuple(equations[r] for r in b.rows), b.columns) for b in blocks(incidence, matched))
 
 
 class _System:

@@ -64,6 +64,8 @@ def _balances(reduced: ReducedSystem) -> dict[int, _Balance]:
     pool = reduced.pool
     balances = {}
     for i, residual in enumerate(reduced.residuals):
+        if pool.integral_of.keys().isdisjoint(pool.variables_in(residual)):
+            continue
         total: Row = {}
         add_terms(pool, residual, 1, total)
         derivatives: Row = {}

@@ -30,7 +30,7 @@ def balance(reduced: ReducedSystem) -> None:
     incidence = Incidence.from_rows(rows, len(chains))
     matched = match(incidence)
     if len(rows) == len(chains) and not (matched < 0).any():
-        _refuse_superfluous(reduced)
+        refuse_superfluous(reduced)
         return
     parts = dulmage_mendelsohn(incidence, matched)
     loop = overconstrained_loop(reduced, [chains[c] for c in parts.under_columns])
@@ -50,7 +50,7 @@ def balance(reduced: ReducedSystem) -> None:
     raise _over(reduced, surplus, [chains[c] for c in over.columns] if over else [], len(free_rows))
 
 
-def _refuse_superfluous(reduced: ReducedSystem) -> None:
+def refuse_superfluous(reduced: ReducedSystem) -> None:
     """Refuse a model with too many equations although the system is balanced, as redundant ones have been left out."""
     flat = reduced.flat
     if len(flat.equations) <= flat.n_scalars - len(flat.inputs):

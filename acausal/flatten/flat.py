@@ -218,7 +218,8 @@ class FlatSystem:
         """The first declared variable of each scalar."""
         owners: dict[int, FlatVariable] = {}
         for v in self.variables:
-            for k in range(v.first, v.first + v.size):
+            _, _, first, size = v
+            for k in range(first, first + size):
                 owners.setdefault(k, v)
         return owners
 

@@ -150,6 +150,8 @@ def flatten(
     )
     check_values(flat, flat.parameter_values)
     refuse_unstated([i.component for i in all_instances])
+    for instance in all_instances:
+        instance.parts.clear()  # cycles of owners and parts would stay in memory while collection is paused
     if choices or not overrides:  # with choices, a parameter may matter in another structure of the model
         return flat
     return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
@@ -446,14 +448,13 @@ class _Builder:
                     continue
                 expr: Expr = value.value
                 resolve = partial(self.table.symbol, user=f"the start of {instance.prefix}{name}")
-                refuse_time(f"the start of {instance.prefix}{name}", expr, instance.origin_of_value(name))
+                origin = instance.origin_of_value(name)
+                refuse_time(f"the start of {instance.prefix}{name}", expr, origin)
                 check_bound(instance, name, expr)
                 nodes = scalars(self.pool, expr, resolve, {})
                 for k, node in enumerate(nodes):
                     scalar = instance.first[name] + k
-                    start = FlatStart(
-                        node, isinstance(value, Fixed), instance.origin_of_value(name), instance.prefix + name
-                    )
+                    start = FlatStart(node, isinstance(value, Fixed), origin, instance.prefix + name)
                     other = starts.get(scalar)
                     if other is not None and other.is_fixed and start.is_fixed:
                         text = f"{start.path} == {expr}"

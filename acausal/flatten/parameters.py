@@ -11,7 +11,7 @@ from acausal.errors import DeclarationError, Span, UnitError, UsageError, meant
 from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffix, suffixes
 from acausal.flatten.instances.instances import Instance
 from acausal.flatten.pool import Pool
-from acausal.flatten.scalars.scalarise import Scalars, scalars
+from acausal.flatten.scalars.scalarise import Scalars, parameters_of, scalars
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.declarations.misuse import Declared, declared_at
@@ -42,21 +42,19 @@ class ParameterTable:
 
     def table(self) -> list[FlatParameter]:
         """All parameters in the order of declaration; DeclarationError AC133 lists those without a value."""
+        declared = [
+            (instance, name, d) for instance in self.instances for name, d, _ in parameters_of(instance.component)
+        ]
         missing = [
             (instance, name, d)
-            for instance in self.instances
-            for name, d in instance.component._declarations.items()
-            if d.kind is Kind.PARAMETER
-            and name not in instance.component.__dict__["_values"]
-            and instance.prefix + name not in self.overrides
+            for instance, name, d in declared
+            if name not in instance.component.__dict__["_values"] and instance.prefix + name not in self.overrides
         ]
         if missing:
             raise _missing(missing)
         return [
-            FlatParameter(path, d, self.nodes(instance, name), path in self._free_paths)
-            for instance in self.instances
-            for name, d in instance.component._declarations.items()
-            if d.kind is Kind.PARAMETER and (path := instance.prefix + name)
+            FlatParameter(path := instance.prefix + name, d, self.nodes(instance, name), path in self._free_paths)
+            for instance, name, d in declared
         ]
 
     def nodes(self, instance: Instance, name: str) -> Scalars:
@@ -101,9 +99,10 @@ class ParameterTable:
             )
         if path in self._resolving:
             raise self._cyclic_binding(path)
-        refuse_time(path, value, instance.origin_of_value(name))
+        origin = instance.origin_of_value(name)
+        refuse_time(path, value, origin)
         check_bound(instance, name, value)
-        self._resolving[path] = (value, instance.origin_of_value(name))
+        self._resolving[path] = (value, origin)
         result = scalars(self.pool, value, lambda s: self.symbol(s, path), {})
         del self._resolving[path]
         constants_or_none = [self.pool.value(node) for node in result]
@@ -306,7 +305,7 @@ def _missing(parameters: Sequence[tuple[Instance, str, Declaration]]) -> Declara
 
 def refuse_time(user: str, value: Expr, origin_of_value: Origin | Declared) -> None:
     """Raise DeclarationError AC135 when a value that must be constant depends on `time`."""
-    if any(e.op == "time" for e in nodes(value)):
+    if value.op == "time" or (value.args and any(e.op == "time" for e in nodes(value))):
         raise DeclarationError(
             "AC135",
             f"{user} is bound to `{value}`, which varies in time",
@@ -381,11 +380,10 @@ def foreign(symbol: Symbol) -> DeclarationError:
 
 def check_bound(instance: Instance, name: str, value: Expr) -> None:
     """Raise UnitError AC155 if the dimensions of `value` and of the field are known and differ."""
-    if value.op == "const":
+    unit = instance.component._declarations[name].unit
+    if value.op == "const" or (isinstance(value, Symbol) and value.declaration.unit == unit):
         return
     field: Symbol = getattr(instance.component, name)
-    if isinstance(value, Symbol) and value.declaration.unit == field.declaration.unit:
-        return
     check_dimensions(Equation(field, value), (instance.origin_of_value(name).span(),))
 
 

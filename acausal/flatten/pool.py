@@ -82,12 +82,14 @@ class Pool:
         self.parameter_values: list[float] | None = None  # None until they are known
         self._slopes: dict[int, int] = {}
         self._variables: dict[int, tuple[int, ...]] = {}
+        self._node_of: list[int] = []  # of each variable, -1 for those without one so far
         self.zero = self.const(0.0)
         self.one = self.const(1.0)
         self.time = self.intern(("time",))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_variables": {}, "_number": {node: k for k, node in enumerate(self.nodes)}}
+        numbers = {node: k for k, node in enumerate(self.nodes)}
+        return {**self.__dict__, "_variables": {}, "_node_of": [], "_number": numbers}
 
     def retire(self) -> None:
         """Drop the lookup table of nodes; the next new node rebuilds it.
@@ -95,16 +97,16 @@ class Pool:
         For a pool that is only read from then on; the table takes a fifth of the memory of a large model.
         """
         self._number = _Retired(self)
-        self._variables = {}
+        self._variables, self._node_of = {}, []
 
     def __repr__(self) -> str:
         return f"Pool({len(self.nodes)} nodes, {self.n_variables} variables)"
 
     def intern(self, node: Node) -> int:
         """Number of a node, without any simplification."""
-        number = self._number.get(node)
-        if number is None:
-            number = self._number[node] = len(self.nodes)
+        new = len(self.nodes)
+        number = self._number.setdefault(node, new)
+        if number == new:
             self.nodes.append(node)
         return number
 
@@ -112,11 +114,20 @@ class Pool:
         return self.intern(("const", value + 0.0))
 
     def var(self, index: int) -> int:
-        return self.intern(("var", index))
+        """Node of a variable, or of a stand-in with a negative index (`acausal.analyse.hidden`)."""
+        # A list is several times faster than the table of all nodes.
+        node_of = self._node_of
+        if 0 <= index < len(node_of) and node_of[index] >= 0:
+            return node_of[index]
+        number = self.intern(("var", index))
+        if index >= 0:
+            node_of.extend([-1] * (max(index + 1, self.n_variables) - len(node_of)))
+            node_of[index] = number
+        return number
 
     def vars(self, variables: Iterable[int]) -> tuple[int, ...]:
         """Nodes of several variables."""
-        return tuple([self.intern(("var", v)) for v in variables])
+        return tuple(map(self.var, variables))
 
     def par(self, index: int) -> int:
         return self.intern(("par", index))
@@ -169,15 +180,19 @@ class Pool:
 
     def is_constant(self, root: int) -> bool:
         """True for an expression of parameters alone, whose value is known before the run."""
-        nodes, stack, seen = self.nodes, [root], {root}
+        nodes = self.nodes
+        node = nodes[root]
+        if node[0] in LEAVES or node[0] in _VARYING:
+            return node[0] not in _VARYING
+        stack, seen = [root], {root}
         while stack:  # usually ends immediately, at the first variable
-            op, *operands = nodes[stack.pop()]
-            if op in _VARYING:
-                return False
-            if op not in LEAVES:
-                new = [n for n in operands if n not in seen]
-                seen.update(new)
-                stack += new
+            for number in nodes[stack.pop()][1:]:
+                op = nodes[number][0]
+                if op in _VARYING:
+                    return False
+                if op not in LEAVES and number not in seen:
+                    seen.add(number)
+                    stack.append(number)
         return True
 
     def varies(self, root: int) -> bool:
@@ -397,15 +412,18 @@ class Pool:
         """Variables that a node depends on, in no particular order and possibly repeated; without caching."""
         nodes, stack = self.nodes, [root]
         variables: list[int] = []
+        if nodes[root][0] in LEAVES:
+            return [nodes[root][1]] if nodes[root][0] == "var" else []
         for _ in range(_MOST_WITHOUT_SET):
             if not stack:
                 return variables
-            node = nodes[stack.pop()]
-            op = node[0]
-            if op == "var":
-                variables.append(node[1])
-            elif op not in LEAVES:
-                stack += node[1:]
+            for number in nodes[stack.pop()][1:]:
+                node = nodes[number]
+                op = node[0]
+                if op == "var":
+                    variables.append(node[1])
+                elif op not in LEAVES:
+                    stack.append(number)
         # A large expression may share so many nodes that the number of its paths explodes.
         return list(self._variables_of_many((root,)))
 
@@ -447,6 +465,10 @@ class Pool:
                 done[number] = leaf(node[1])
             elif op in LEAVES:
                 done[number] = number
+            elif op in _BINARY_MAKE:
+                _, old_a, old_b = node
+                a, b = done[old_a], done[old_b]
+                done[number] = number if a == old_a and b == old_b else _BINARY_MAKE[op](self, a, b)
             else:
                 image = tuple([done[c] for c in node[1:]])
                 done[number] = number if image == node[1:] else self.make(op, *image)
@@ -456,7 +478,7 @@ class Pool:
 
         Beforehand `images` has those of all variables, and of any other nodes that are replaced.
         """
-        nodes, make = other.nodes, self.make
+        nodes = other.nodes
         for number in numbers:
             if number in images:
                 continue
@@ -464,10 +486,10 @@ class Pool:
             op = node[0]
             if op in LEAVES:
                 images[number] = images[number] if op == "var" else self.intern(node)  # KeyError for a variable
-            elif len(node) == 3:
-                images[number] = make(op, images[node[1]], images[node[2]])
+            elif op in _BINARY_MAKE:
+                images[number] = _BINARY_MAKE[op](self, images[node[1]], images[node[2]])
             else:
-                images[number] = make(op, *[images[c] for c in node[1:]])
+                images[number] = self.make(op, *[images[c] for c in node[1:]])
 
 
 def closure(start: Iterable[int], depends: Callable[[int], Iterable[int]]) -> set[int]:
@@ -489,10 +511,10 @@ class _Retired(dict[Node, int]):
         super().__init__()
         self.pool = pool
 
-    def get(self, node: Node, default: Any = None) -> Any:
-        """The number of a node, from the rebuilt table."""
+    def setdefault(self, node: Node, default: int) -> int:
+        """The number of a node, from the rebuilt table, to which it is added if needed."""
         self.pool._number = {node: k for k, node in enumerate(self.pool.nodes)}
-        return self.pool._number.get(node, default)
+        return self.pool._number.setdefault(node, default)
 
 
 def _summands(nodes: list[Node], node: Node) -> tuple[tuple[int, float], ...]:
@@ -521,11 +543,10 @@ _VALUES: dict[str, Callable[..., float]] = {
 }
 
 
-_MAKE: dict[str, Callable[..., int]] = {
+_BINARY_MAKE: dict[str, Callable[[Pool, int, int], int]] = {
     "add": Pool.add,
     "sub": Pool.sub,
-    "neg": Pool.neg,
     "mul": Pool.mul,
     "div": Pool.div,
-    "where": Pool.where,
 }
+_MAKE: dict[str, Callable[..., int]] = {**_BINARY_MAKE, "neg": Pool.neg, "where": Pool.where}

@@ -7,7 +7,8 @@ so that several runs of one model are independent, even in different threads.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Protocol, TypeGuard, runtime_checkable
 
 if TYPE_CHECKING:
@@ -95,8 +96,11 @@ class Changing(Protocol):
 
 
 def is_changing(component: object) -> TypeGuard[Changing]:
-    """Whether a component has a variable structure; decided by its class, because Python caches that."""
-    return issubclass(type(component), Changing)
+    """Whether a component has a variable structure; decided by its class, which is cached."""
+    return _has_variable_structure(type(component))
+
+
+_has_variable_structure: Callable[[type], bool] = cache(lambda cls: issubclass(cls, Changing))
 
 
 @runtime_checkable

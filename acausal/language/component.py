@@ -136,7 +136,7 @@ class Component(Owner):
         attributes["_symbols"] = {}
         attributes["_parts"] = {}
         attributes["_owner"] = None
-        attributes["_given"] = dict(given)
+        attributes["_given"] = given
         caller = sys._getframe(1)
         attributes["_origin"] = Origin(caller.f_code, caller.f_lasti)
         cls = type(self)
@@ -156,11 +156,12 @@ class Component(Owner):
                 attributes[name] = self._decided(name, declaration)
             elif declaration.kind is not Kind.PART and declaration.default is not None:
                 attributes["_values"][name] = self._declared(name, declaration)
-        attributes["_building"] = True
-        self._build()
-        for name, parts in attributes["_parts"].items():
-            if isinstance(parts, list):
-                self._adopt(name, parts)  # once more, because `build` may have appended to the list
+        if hasattr(cls, "build"):
+            attributes["_building"] = True
+            self._build()
+            for name, parts in attributes["_parts"].items():
+                if isinstance(parts, list):
+                    self._adopt(name, parts)  # once more, because `build` may have appended to the list
         attributes["_building"] = False
         if "_declarations" in attributes:
             self._refuse_resized()
@@ -223,9 +224,7 @@ class Component(Owner):
         """Run `build`; statements made in it are recorded in `_stated`, and a generator must yield them later."""
         cls, ledger = type(self), Ledger()
         self.__dict__["_stated"] = ledger
-        build = getattr(self, "build", None)
-        if build is None:
-            return
+        build: Any = getattr(self, "build", None)
         where = f"{cls.__name__}.build"
         try:
             with recorded(ledger), collector_paused():
@@ -396,7 +395,7 @@ class Component(Owner):
         """Placeholder of an outer component of `owner`, or a part of one, with symbols of its quantities."""
         made = object.__new__(cls)
         made.__dict__.update(_owner=(owner, name), _origin=owner.__dict__["_origin"], _stands_in=True, _building=False)
-        made.__dict__.update({held: {} for held in ("_values", "_symbols", "_parts", "_given", "_stated")})
+        made.__dict__.update({held: {} for held in ("_values", "_symbols", "_parts", "_given")})
         for own_name, around in cls._outers.items():
             made.__dict__[own_name] = around.cls._stand_in(made, own_name)
         return made

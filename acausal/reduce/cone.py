@@ -110,7 +110,7 @@ def restrict(solution: Solution, scalars: Sequence[int]) -> Solution:
     definitions = tuple(d for d in solution.definitions if d[0] in kept)
     kept_loops = [(iterated, residuals) for iterated, residuals in loops(solution) if iterated[0] in kept]
     residuals = tuple(r for _, rows in kept_loops for r in rows)
-    blocks = (replace(b, unknowns=tuple(v for v in b.unknowns if v in kept)) for b in solution.blocks)
+    blocks = (b._replace(unknowns=tuple(v for v in b.unknowns if v in kept)) for b in solution.blocks)
     return Solution(
         structure=structure,
         definitions=definitions,

@@ -98,6 +98,6 @@ def _folded(reduced: ReducedSystem, images: Mapping[int, int]) -> ReducedSystem:
 def _blocks(solution: Solution, constant_variables: Mapping[int, int]) -> tuple[BlockReport, ...]:
     """Blocks without the unknowns that are constant."""
     remaining = (
-        replace(b, unknowns=tuple(v for v in b.unknowns if v not in constant_variables)) for b in solution.blocks
+        b._replace(unknowns=tuple(v for v in b.unknowns if v not in constant_variables)) for b in solution.blocks
     )
     return tuple(b for b in remaining if b.unknowns)

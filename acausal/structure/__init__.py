@@ -24,6 +24,7 @@ from acausal.structure.graph import inverse as inverse
 from acausal.structure.matching import match as match
 from acausal.structure.matching import stays_matched as stays_matched
 from acausal.structure.pantelides import Differentiable as Differentiable
+from acausal.structure.pantelides import highest_derivatives as highest_derivatives
 from acausal.structure.pantelides import pantelides as pantelides
 from acausal.structure.tearing import Tearing as Tearing
 from acausal.structure.tearing import tear as tear

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from acausal.structure.graph import Incidence
-from acausal.structure.matching import match
 
 
 class Differentiable(Protocol):
@@ -40,8 +39,16 @@ class Differentiable(Protocol):
         ...
 
 
-def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int], dict[int, int]]:
+def highest_derivatives(system: Differentiable, n_equations: int) -> Incidence:
+    """The equations and their highest derivatives; columns are variables, and those with a derivative have no entry."""
+    rows = ([v for v in system.incidence(e) if v not in system.derivative_of] for e in range(n_equations))
+    return Incidence.from_rows(rows, system.n_variables())
+
+
+def pantelides(system: Differentiable, first: Sequence[int]) -> tuple[dict[int, int], dict[int, int]]:
     """Differentiate until every equation is matched with a variable that has no derivative.
+
+    `first` is a maximum matching of `highest_derivatives`: the variable of each equation, -1 for an unmatched one.
 
     Returns
     -------
@@ -49,27 +56,19 @@ def pantelides(system: Differentiable, n_equations: int) -> tuple[dict[int, int]
         `assigned[variable]` is the equation matched with each highest derivative; `derivative[equation]` is the
         equation that is its time derivative.
     """
-    rows = [system.incidence(e) for e in range(n_equations)]
-    highest = [[v for v in row if v not in system.derivative_of] for row in rows]
-    first = match(Incidence.from_rows(highest, system.n_variables()))
-    assigned = {int(v): e for e, v in enumerate(first) if v >= 0}
+    assigned = {v: e for e, v in enumerate(first) if v >= 0}
     derivative: dict[int, int] = {}
-    incidence: dict[int, Sequence[int]] = dict(enumerate(rows))
-    for unmatched in [e for e in range(n_equations) if first[e] < 0]:
+    for unmatched in [e for e, v in enumerate(first) if v < 0]:
         equation = unmatched
         while True:
-            coloured_equations, coloured_variables = _augment(system, incidence, assigned, equation)
+            coloured_equations, coloured_variables = _augment(system, assigned, equation)
             if coloured_equations is None:
                 break
-            equation = _differentiate(
-                system, incidence, assigned, derivative, coloured_equations, coloured_variables, equation
-            )
+            equation = _differentiate(system, assigned, derivative, coloured_equations, coloured_variables, equation)
     return {v: e for v, e in assigned.items() if v not in system.derivative_of}, derivative
 
 
-def _augment(
-    system: Differentiable, incidence: dict[int, Sequence[int]], assigned: dict[int, int], equation: int
-) -> tuple[list[int] | None, list[int]]:
+def _augment(system: Differentiable, assigned: dict[int, int], equation: int) -> tuple[list[int] | None, list[int]]:
     """Match `equation` along an augmenting path; if there is none, return the (equations, variables) coloured by the
     search.
     """
@@ -78,7 +77,7 @@ def _augment(
     seen = {equation}
     while queue:
         here = queue.pop()
-        for variable in incidence[here]:
+        for variable in system.incidence(here):
             if variable in came_from or variable in system.derivative_of:
                 continue
             came_from[variable] = here
@@ -105,7 +104,6 @@ def _flip(assigned: dict[int, int], came_from: dict[int, int], variable: int, ro
 
 def _differentiate(
     system: Differentiable,
-    incidence: dict[int, Sequence[int]],
     assigned: dict[int, int],
     derivative: dict[int, int],
     equations: list[int],
@@ -115,9 +113,7 @@ def _differentiate(
     """Differentiate the coloured equations and variables; return the derivative of the `current` equation."""
     derivative_of = {v: system.differentiate_variable(v) for v in variables}
     for e in equations:
-        new = system.differentiate_equation(e)
-        derivative[e] = new
-        incidence[new] = system.incidence(new)
+        derivative[e] = system.differentiate_equation(e)
     for v, dv in derivative_of.items():
         assigned[dv] = derivative[assigned[v]]
     return derivative[current]

@@ -12,7 +12,25 @@ Linear = tuple[int, dict[int, int]]
 
 def linear_in(pool: Pool, root: int, variable: int) -> Linear | None:
     """(rest, {variable: coefficient}) of an expression, or None when it is not linear in the variable."""
-    return LinearForm(pool, (variable,)).of(root)
+    explicit = _explicit(pool, root, variable)
+    return LinearForm(pool, (variable,)).of(root) if explicit is None else explicit
+
+
+def _explicit(pool: Pool, root: int, variable: int) -> Linear | None:
+    """The form of `variable - expression` and similar, which most equations of large models have; None for others."""
+    op, *sides = pool.nodes[root]
+    if op not in SUMS:
+        return None
+    for k, side in enumerate(sides):
+        node = pool.nodes[side]
+        if node[0] == "var" and node[1] == variable:
+            other = sides[1 - k]
+            if variable in pool.entries(other):
+                return None
+            if op == "add":
+                return other, {variable: pool.one}
+            return (pool.neg(other), {variable: pool.one}) if k == 0 else (other, {variable: pool.neg(pool.one)})
+    return None
 
 
 class LinearForm:
@@ -30,7 +48,7 @@ class LinearForm:
         if root in done:
             return done[root]
         nodes = self.pool.nodes
-        if len(self.variables) == 1 and (explicit := self._explicit(root)) is not None:
+        if len(self.variables) == 1 and (explicit := _explicit(self.pool, root, *self.variables)) is not None:
             return explicit
         unvisited = self.pool.reachable([root], done)
         if len(unvisited) <= LONG:  # too few nodes to contain a long sum
@@ -65,22 +83,6 @@ class LinearForm:
                 done[number] = self._add_up(number, chain)
             stack.pop()
         return done[root]
-
-    def _explicit(self, root: int) -> Linear | None:
-        """Shortcut of `of` for `variable - expression` and similar, the form of most equations of large models."""
-        pool = self.pool
-        op, *sides = pool.nodes[root]
-        if op not in ("add", "sub"):
-            return None
-        (variable,) = self.variables
-        for k, side in enumerate(sides):
-            if pool.nodes[side] == ("var", variable):
-                other = sides[1 - k]
-                if variable in pool.entries(other):
-                    return None
-                form = (pool.zero, {variable: pool.one})
-                return self._sum(form, (other, {}), op) if k == 0 else self._sum((other, {}), form, op)
-        return None
 
     def _chain(self, number: int) -> dict[int, int] | None:
         """Terms of a long sum with their factors; None for a short one."""

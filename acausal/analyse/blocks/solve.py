@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import Eliminated, eliminate, safety
@@ -21,8 +22,7 @@ from acausal.errors import StructureError
 from acausal.structure import Block, Incidence, tear
 
 
-@dataclass(frozen=True)
-class BlockReport:
+class BlockReport(NamedTuple):
     """One block: all unknowns, the iterated ones, and its kind "explicit", "linear", "monotone", "torn" or "dae"."""
 
     unknowns: tuple[int, ...]

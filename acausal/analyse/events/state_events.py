@@ -196,7 +196,9 @@ def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:
     """Variables that change at events only."""
     flat = reduced.flat
     declared = {v.first + k for v in flat.variables if v.declaration.discrete for k in range(v.size)}
-    return frozenset(v for v, scalars in reduced.aliases.items() if any(s in declared for s in scalars))
+    if not declared:  # the usual case of large models, whose aliases are many
+        return frozenset()
+    return frozenset(v for v, scalars in reduced.aliases.items() if not declared.isdisjoint(scalars))
 
 
 def switched_dependents(solution: Solution, prescribed: bool = False) -> list[int]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from acausal.errors import DeclarationError, StructureError
 from acausal.flatten.instances.instances import Instance
 from acausal.language.component import Component, Connector
 from acausal.language.connections.connect import Connection, is_element
 from acausal.language.declarations.declaration import Kind
-from acausal.language.expressions.expression import Symbol
+from acausal.language.expressions.expression import Expr, Symbol
 from acausal.language.statement import Origin
 
 
@@ -36,8 +36,7 @@ class UnionFind:
         return True
 
 
-@dataclass(frozen=True)
-class Joint:
+class Joint(NamedTuple):
     """One connection between two connector instances, made by component `by`."""
 
     a: int
@@ -46,8 +45,7 @@ class Joint:
     origin: Origin
 
 
-@dataclass(frozen=True)
-class SignalJoint:
+class SignalJoint(NamedTuple):
     """One connection between two signals `(instance, name)`."""
 
     a: tuple[int, str]
@@ -63,16 +61,16 @@ def joints(
     physical: list[Joint] = []
     signals: list[SignalJoint] = []
     for by, connection, origin in connections:
-        if any(is_element(end) for end in connection.ends):
-            continue  # connections of elements are treated in `acausal.flatten.connections.signals`
         first = connection.ends[0]
+        if isinstance(first, Expr) and any(is_element(end) for end in connection.ends):
+            continue  # connections of elements are treated in `acausal.flatten.connections.signals`
         for other in connection.ends[1:]:
-            if isinstance(first, Symbol) and isinstance(other, Symbol):
-                a = (number_of_end(first.owner, number_of, origin), first.name)
-                signals.append(SignalJoint(a, (number_of_end(other.owner, number_of, origin), other.name), by, origin))
-            elif isinstance(first, Connector) and isinstance(other, Connector):
+            if isinstance(first, Connector) and isinstance(other, Connector):
                 a_number = number_of_end(first, number_of, origin)
                 physical.append(Joint(a_number, number_of_end(other, number_of, origin), by, origin))
+            elif isinstance(first, Symbol) and isinstance(other, Symbol):
+                a = (number_of_end(first.owner, number_of, origin), first.name)
+                signals.append(SignalJoint(a, (number_of_end(other.owner, number_of, origin), other.name), by, origin))
     return physical, signals
 
 
@@ -92,8 +90,7 @@ def number_of_end(component: Component, number_of: dict[int, int], origin: Origi
     return number
 
 
-@dataclass(frozen=True)
-class FlowSet:
+class FlowSet(NamedTuple):
     """Connector faces whose flows sum to zero, as pairs (instance, sign).
 
     A connector of a component has one face for connections from outside, and one, with sign -1, for connections to the

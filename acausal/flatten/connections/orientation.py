@@ -7,8 +7,9 @@ Every island has one root: a declared one, else the best potential root (Modelic
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from acausal.errors import DeclarationError, StructureError
 from acausal.flatten.connections.connections import Joint, UnionFind
@@ -37,7 +38,10 @@ _LOWEST_PRIORITY = 2**31
 
 def is_overconstrained(connector: Connector) -> bool:
     """True for a connector with an overconstrained variable, such as a frame."""
-    return any(d.overconstrained for d in connector._declarations.values())
+    return _has_rotation(type(connector))
+
+
+_has_rotation: Callable[..., bool] = cache(lambda cls: any(d.overconstrained for d in cls._declarations.values()))
 
 
 def spanning_tree(

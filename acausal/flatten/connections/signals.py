@@ -50,7 +50,7 @@ def element_joints(
     element_connections: list[ElementJoint] = []
     driven: dict[Entry, Origin] = {}
     for by, connection, origin in connections:
-        if not any(is_element(end) for end in connection.ends):
+        if not isinstance(connection.ends[0], Expr) or not any(is_element(end) for end in connection.ends):
             continue
         ends = [_entry(end, number_of, origin) for end in connection.ends if isinstance(end, Expr)]
         sources = [e for e in ends if _is_source(all_instances, e, by)]
@@ -215,9 +215,11 @@ def cut_equations(
 
 def input_scalars(all_instances: Sequence[Instance], signals: Collection[Signal]) -> tuple[int, ...]:
     """The scalars of these signals, in the order of declaration."""
+    with_inputs = {number for number, _ in signals}
     return tuple(
         instance.first[name] + k
         for instance in all_instances
+        if instance.number in with_inputs
         for name, d in instance.component._declarations.items()
         if (instance.number, name) in signals
         for k in range(prod(d.shape))

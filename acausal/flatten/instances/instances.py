@@ -45,7 +45,7 @@ class Instance:
     def is_leaf(self) -> bool:
         """True when all parts are connectors, so that equal instances have equal equations."""
         # A list, because for few parts a generator costs more.
-        return all([isinstance(p.component, Connector) for p in self.parts])
+        return not self.parts or all([isinstance(p.component, Connector) for p in self.parts])
 
     @property
     def origin(self) -> Origin:
@@ -96,7 +96,8 @@ def components(model: Component) -> Iterator[tuple[str, Component]]:
         path, component = stack.pop()
         _check_constructed(component)
         yield path, component
-        stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
+        if component._parts:
+            stack.extend(reversed(list(_parts(component, path + "." if path else ""))))
 
 
 def changing(model: Component) -> dict[str, Changing]:

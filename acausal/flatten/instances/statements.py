@@ -41,8 +41,9 @@ def statements(component: Component, method: str = "equations") -> list[Statemen
 def refuse_unstated(components: Iterable[Component]) -> None:
     """Refuse statements made in `build` that no generator method of the component yields (AC186)."""
     for component in components:
-        lost = Ledger(component.__dict__["_stated"])
-        if lost:
+        stated: Ledger | None = component.__dict__.get("_stated")
+        if stated:
+            lost = dict(stated)
             for method in STATING:
                 for item, _ in statements(component, method):
                     lost.pop(id(item), None)

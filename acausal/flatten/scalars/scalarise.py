@@ -35,6 +35,7 @@ Scalars = tuple[int, ...]
 Resolve = Callable[[Symbol], Scalars]
 # Constructs a FlatEquation in a third of the time of its Python constructor, which matters as there are so many.
 _EQUATION = partial(tuple.__new__, FlatEquation)
+_COMMON = range(len(Pool().nodes))  # nodes that every pool has
 
 
 def scalars(pool: Pool, root: Expr, resolve: Resolve, done: dict[int, Scalars]) -> Scalars:
@@ -193,23 +194,25 @@ def _matmul(pool: Pool, e: Expr, args: list[Scalars]) -> Scalars:
     )
 
 
-_UNKNOWNS = (Kind.VARIABLE, Kind.FLOW, Kind.INPUT, Kind.OUTPUT)
-
-
 Layout = tuple[tuple[str, Declaration, int], ...]
-"""Declared unknowns with their number of scalars, in order."""
+"""Declared quantities with their number of scalars, in order."""
 
 
-def _layout(owner: Any) -> Layout:
-    return tuple((n, d, math.prod(d.shape)) for n, d in owner._declarations.items() if d.kind in _UNKNOWNS)
+def _layouts(*kinds: Kind) -> Callable[[Component], Layout]:
+    def of(owner: Any) -> Layout:
+        return tuple((n, d, math.prod(d.shape)) for n, d in owner._declarations.items() if d.kind in kinds)
+
+    of_class: Callable[..., Layout] = cache(of)
+
+    def layout(component: Component) -> Layout:
+        """Layout of a class, or of a component whose shapes depend on its structural values."""
+        return of(component) if "_declarations" in component.__dict__ else of_class(type(component))
+
+    return layout
 
 
-_layout_of: Callable[..., Layout] = cache(_layout)
-
-
-def layout(component: Component) -> Layout:
-    """Layout of a class, or of a component whose shapes depend on its structural values."""
-    return _layout(component) if "_declarations" in component.__dict__ else _layout_of(type(component))
+unknowns_of = _layouts(Kind.VARIABLE, Kind.FLOW, Kind.INPUT, Kind.OUTPUT)
+parameters_of = _layouts(Kind.PARAMETER)
 
 
 def allocate(
@@ -221,9 +224,10 @@ def allocate(
 ) -> list[FlatVariable]:
     """Give every declared unknown its scalars; fills `Instance.first`."""
     plain = UnionFind(len(all_instances))
-    oriented = UnionFind(len(all_instances))
-    for k, joint in enumerate(physical):
+    for joint in physical:
         plain.union(joint.a, joint.b)
+    oriented = UnionFind(len(all_instances)) if cut else plain
+    for k, joint in enumerate(physical if cut else ()):
         if k not in cut:
             oriented.union(joint.a, joint.b)
     shared_signals = _signal_representatives(signals)
@@ -231,7 +235,7 @@ def allocate(
     count = pool.n_variables
     flat_variable = partial(tuple.__new__, FlatVariable)  # takes a third of the time of its Python constructor
     for instance in all_instances:
-        unknowns = layout(instance.component)
+        unknowns = unknowns_of(instance.component)
         if not unknowns:
             continue
         first = instance.first
@@ -272,13 +276,15 @@ def _signal_representatives(signals: Sequence[SignalJoint]) -> dict[tuple[int, s
 class Template:
     """Equations of a component over local numbers of its variables, those of its connectors, and its parameters.
 
-    `leaves` are the nodes of all variables, derivatives last, followed by those of the entries of all parameters.
+    `leaves` are nodes that all pools have in common, then those of all variables, derivatives last, then those of the
+    entries of all parameters; `inner` are the other nodes.
     """
 
     pool: Pool
     n_local: int
     parameters: tuple[str, ...]
     leaves: tuple[int, ...]
+    inner: tuple[int, ...]
     equations: tuple[tuple[int, int, Origin, Equation, int], ...]
     demands: tuple[tuple[int, Origin, Assertion], ...]
 
@@ -325,7 +331,7 @@ def make_template(instance: Instance, items: Sequence[Statement]) -> Template | 
     first: dict[tuple[int, str], int] = {}
     n_local = 0
     for part in (instance, *instance.parts):
-        for name, _, size in layout(part.component):
+        for name, _, size in unknowns_of(part.component):
             first[part.number, name] = n_local
             n_local += size
     pool.new_variables(n_local)
@@ -360,8 +366,9 @@ def make_template(instance: Instance, items: Sequence[Statement]) -> Template | 
     ]
     if pool.delays or pool.undelayed or not all(pool.is_constant(condition) for condition, *_ in demands):
         return None
-    leaves = *pool.vars(range(pool.n_variables)), *(node for name in parameters for node in position[name])
-    return Template(pool, n_local, tuple(parameters), leaves, tuple(equations), tuple(demands))
+    leaves = *_COMMON, *pool.vars(range(pool.n_variables)), *(node for name in parameters for node in position[name])
+    inner = tuple(n for n in range(len(pool.nodes)) if n not in leaves)
+    return Template(pool, n_local, tuple(parameters), leaves, inner, tuple(equations), tuple(demands))
 
 
 def replay(
@@ -374,15 +381,18 @@ def replay(
     numbers_of: list[int] = []
     for part in (instance, *instance.parts):
         first = part.first
-        for name, _, size in layout(part.component):
-            numbers_of += range(first[name], first[name] + size)
-    variables = list(pool.vars(numbers_of))
+        for name, _, size in unknowns_of(part.component):
+            if size == 1:
+                numbers_of.append(first[name])
+            else:
+                numbers_of += range(first[name], first[name] + size)
+    variables = [*_COMMON, *pool.vars(numbers_of)]
     local = template.pool
     for number in range(template.n_local, local.n_variables):
-        variables.append(differentiate(pool, variables[local.integral_of[number]]))
+        variables.append(differentiate(pool, variables[len(_COMMON) + local.integral_of[number]]))
     parameters = [node for name in template.parameters for node in values(instance, name)]
     image = dict(zip(template.leaves, (*variables, *parameters), strict=True))
-    pool.copy(local, range(len(local.nodes)), image)
+    pool.copy(local, template.inner, image)
     path = instance.path
     demands = [FlatAssert(image[c], a.message, a.level, origin, path, a) for c, origin, a in template.demands]
     stated = template.equations

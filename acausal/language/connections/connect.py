@@ -13,6 +13,7 @@ from acausal.language.statement import RECORDING, Statement, made
 from acausal.units import ambiguous, parse
 
 Connectable = TypeVar("Connectable", bound=Connector | Expr)
+_ENDS = (Connector, Symbol)
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ def connect(first: Connectable, second: Connectable, *more: Connectable) -> Conn
     """
     ends = (first, second, *more)
     for end in ends:
-        if not isinstance(end, Connector | Symbol) and not is_element(end):
+        if not isinstance(end, _ENDS) and not is_element(end):
             shown = _component_name(end) if isinstance(end, Component) else f"`{end}`"
             has = _connectors_of(end)
             raise DeclarationError(
