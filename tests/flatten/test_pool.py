@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable
 
 import pytest
@@ -182,3 +183,18 @@ def test_collecting_leaves_other_sums_alone_and_copes_with_shared_ones() -> None
     for _ in range(60):
         total = pool.add(total, total)
     assert pool.collected(total) == pool.mul(pool.const(2.0**60), x)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0)])
+def test_a_variable_has_one_node_in_a_pool_of_any_history(order: tuple[int, ...]) -> None:
+    """Also in one whose table was dropped, in its pickled copy, and for the negative indices of stand-ins."""
+    pool = Pool()
+    pool.new_variables(3)
+    wanted = {v: pool.var(v) for v in (order[0], -1)}
+    pool.retire()
+    for held in (pool, pickle.loads(pickle.dumps(pool))):
+        for v in (*order, -1, -2, *order):
+            node = held.var(v)
+            assert held.nodes[node] == ("var", v)
+            assert node == wanted.setdefault(v, node)
+        assert len(held.nodes) == len(set(held.nodes))
