@@ -98,3 +98,27 @@ def test_a_comparator_changes_where_the_closed_form_does(
     t = np.linspace(1e-6, 1.0 - 1e-6, 100_000)
     is_above = 0.8 * np.sin(np.pi * t / 2) > carrier(2 * np.pi * _PERIODS * t)
     assert len(result.events) == np.count_nonzero(np.diff(is_above))
+
+
+class Crests(Component):
+    frequency: Real = parameter(default=50.0)
+    excess: Real = parameter(default=1e-3)
+    shift: Real = parameter(default=0.0)
+    x: Real = variable(default=fixed(0.0))
+    n: Real = discrete(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1 - self.x
+        swing = sin(2 * math.pi * self.frequency * time + self.shift)
+        yield when(swing > 1 - self.excess, reset(self.n, pre(self.n) + 1))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+@pytest.mark.parametrize("excess", [1e-3, 1e-5])
+def test_every_crest_that_just_exceeds_its_threshold_is_counted(solver: str, excess: float) -> None:
+    # integrations that end where the next event begins, to the last digit, since all stretches are equally long
+    frequency, shift = 43.7, 2.1
+    crests = Crests(frequency=frequency, excess=excess, shift=shift)
+    result = acausal.simulate(crests, stop_time=1.0, solver=solver, output_interval=1.0, native=False)
+    starts = (np.pi / 2 - math.acos(1 - excess) - shift + 2 * np.pi * np.arange(100)) / (2 * np.pi * frequency)
+    assert result["n"][-1] == np.count_nonzero((starts > 0) & (starts < 1.0))

@@ -353,7 +353,8 @@ class Search:
             last = mesh.start + 1 + int(np.argmax(below)) if is_passed else last
         if len(task.finer) < _DEEPEST:
             intervals, bounds = lowest(mesh.times[: last + 1], mesh.judged[: last + 1])
-            may_pass = (bounds < 0.0) & (mesh.judged[intervals] >= 0.0) & (mesh.judged[intervals + 1] >= 0.0)
+            # the mean rate of a guard that was left slightly above zero is negative where the guard is zero, not passed
+            may_pass = (bounds < 0.0) & (mesh.values[intervals] >= 0.0) & (mesh.values[intervals + 1] >= 0.0)
             for k in np.flatnonzero(may_pass.any(axis=1) & (intervals >= mesh.start)):
                 row = int(intervals[k])
                 if self._is_significant(task, mesh, row, bounds[k], may_pass[k], piece, rows):
