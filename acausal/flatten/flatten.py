@@ -323,11 +323,13 @@ class _Builder:
 
     def slopes(self) -> None:
         """Enter the derivatives of overconstrained variables in the pool, once per set of connected frames."""
-        for instance in self.found:
-            rates = getattr(type(instance.component), "rates", None)
-            if rates is None or not isinstance(instance.component, Connector):
+        classes = {type(instance.component) for instance in self.found}
+        with_rates = {cls: cls.rates for cls in classes if issubclass(cls, Connector) and hasattr(cls, "rates")}
+        for instance in self.found if with_rates else ():
+            cls = type(instance.component)
+            if cls not in with_rates:
                 continue
-            for equation, _ in run(instance.component, type(instance.component).__name__, "rates", rates):
+            for equation, _ in run(instance.component, cls.__name__, "rates", with_rates[cls]):
                 variable = equation.left.args[0]
                 nodes = self.resolve(variable)
                 if self.pool.nodes[nodes[0]][1] in self.pool.slope:

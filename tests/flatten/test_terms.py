@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
-from acausal.analyse.blocks.linear import LinearForm
+from acausal.analyse.blocks.linear import LinearForm, linear_in
 from acausal.flatten.pool import Pool
 from acausal.flatten.terms import is_long, terms
 from acausal.numeric.evaluate import gradients, values
@@ -127,3 +127,29 @@ def test_coefficients_reproduce_the_value(items: list[tuple[str, int, int]]) -> 
     scale = 1.0 + abs(float(known[root])) + abs(float(known[rest]))
     scale += sum(abs(float(known[c])) for c in coefficients.values())
     assert abs(float(total) - float(known[root])) <= 1e-9 * scale
+
+
+Step = st.tuples(st.sampled_from(["add", "sub", "mul", "div", "neg"]), st.integers(0, 30), st.integers(0, 30))
+
+
+@given(st.lists(Step, min_size=1, max_size=8), st.integers(0, 2))
+@example([("mul", 4, 4), ("add", 0, 2)], 0)  # x*x + p
+@example([("mul", 4, 4), ("sub", 5, 0)], 0)  # x - x*x
+@example([("mul", 4, 2), ("sub", 2, 0)], 0)  # p - x*p
+def test_a_form_in_one_variable_reproduces_the_value(steps: list[tuple[str, int, int]], variable: int) -> None:
+    """Any expression that is taken for a linear one equals rest + factor * variable, at two values of the variable."""
+    pool = Pool()
+    found = [*(pool.var(pool.new_variables(1)) for _ in range(3)), pool.par(0), pool.const(3.0)]
+    for op, i, j in steps:
+        operands = [found[-1 - i % len(found)], found[-1 - j % len(found)]]
+        found.append(pool.make(op, *operands[: 1 if op == "neg" else 2]))
+    form = linear_in(pool, found[-1], variable)
+    if form is None:
+        return
+    rest, factor = form[0], form[1].get(variable, pool.zero)
+    assert variable not in pool.variables_in(rest, factor)
+    for x in (0.75, -2.5):
+        at = leaves([x if k == variable else 1.25 - k for k in range(3)]) | {"par": lambda k: 1.5}
+        whole, a, b = (float(values(pool, [n], at)[n]) for n in (found[-1], rest, factor))
+        if np.isfinite([whole, a, b]).all():
+            assert abs(a + b * x - whole) <= 1e-9 * (1.0 + abs(a) + abs(b * x))

@@ -17,19 +17,34 @@ def linear_in(pool: Pool, root: int, variable: int) -> Linear | None:
 
 
 def _explicit(pool: Pool, root: int, variable: int) -> Linear | None:
-    """The form of `variable - expression` and similar, which most equations of large models have; None for others."""
+    """The form of `factor * variable - expression` and similar, which most equations of large models have."""
     op, *sides = pool.nodes[root]
     if op not in SUMS:
         return None
     for k, side in enumerate(sides):
-        node = pool.nodes[side]
-        if node[0] == "var" and node[1] == variable:
+        factor = _factor(pool, side, variable)
+        if factor is not None:
             other = sides[1 - k]
             if variable in pool.entries(other):
                 return None
             if op == "add":
-                return other, {variable: pool.one}
-            return (pool.neg(other), {variable: pool.one}) if k == 0 else (other, {variable: pool.neg(pool.one)})
+                return other, {variable: factor}
+            return (pool.neg(other), {variable: factor}) if k == 0 else (other, {variable: pool.neg(factor)})
+    return None
+
+
+def _factor(pool: Pool, number: int, variable: int) -> int | None:
+    """The factor in `factor * variable`, one for the variable itself; None for any other expression."""
+    node = pool.nodes[number]
+    wanted = ("var", variable)
+    if node == wanted:
+        return pool.one
+    if node[0] == "mul":
+        first: int = node[1]
+        second: int = node[2]
+        for this, other in ((first, second), (second, first)):
+            if pool.nodes[this] == wanted and variable not in pool.entries(other):
+                return other
     return None
 
 

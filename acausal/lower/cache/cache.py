@@ -19,7 +19,7 @@ import numpy as np
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.pivots import keeps_sign
 from acausal.analyse.start import start_problem
-from acausal.flatten.flat import FlatSystem
+from acausal.flatten.flat import FlatParameter, FlatSystem
 from acausal.language.declarations.declaration import Declaration
 from acausal.lower.cache.divisors import shrunken_divisor
 from acausal.lower.cache.stored import find, keep
@@ -36,7 +36,7 @@ _SHRUNK = 1e-6
 _MOST_NODES = 1_000_000
 _MOST_EQUATIONS = 200
 # Types of nearly all values; checking for abstract classes takes ten times as long.
-_HASHABLE = frozenset((int, float, str, bool))
+_HASHABLE = frozenset((int, float, str, bool, FlatParameter))
 # Fields of the flat system without structural information, or with an entry of their own in the signature.
 _SEPARATE = {"pool", "equations", "variables", "parameter_values", "experiment", "components", "loops", "notes"}
 
