@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acausal.simulate.events.location.between import _bounds, interpolated, lowest, steady
+from acausal.simulate.events.location.between import interpolated, lower_bounds, lowest, steady
 
 
 @given(seed=st.integers(0, 10_000), spread=st.sampled_from([0.0, 0.1, 0.9, 6.0]), away=st.floats(0.0, 200.0))
@@ -21,8 +21,8 @@ def test_no_guard_that_may_be_passed_is_left_out(seed: int, spread: float, away:
     places, bounds = lowest(times, g)
     found = np.full((len(g) - 1, g.shape[1]), np.inf)
     found[places] = bounds
-    assert ((found < 0.0) == (_bounds(times, g) < 0.0)).all()
-    assert (found[found < np.inf] == _bounds(times, g)[found < np.inf]).all()
+    assert ((found < 0.0) == (lower_bounds(times, g) < 0.0)).all()
+    assert (found[found < np.inf] == lower_bounds(times, g)[found < np.inf]).all()
 
 
 def test_rows_that_are_next_to_each_other_do_not_enlarge_rounding_errors() -> None:

@@ -124,10 +124,10 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
 
     If there are many instants, blocks of them in which a guard moves by less than its distance from zero are left out,
     or the guard gets the bound inf. With the largest change r between neighbours and the largest ratio q of the lengths
-    of adjacent intervals, the parabolas of `_bounds` are below the least value by at most 3/4 q r, and lines by q r.
+    of adjacent intervals, parabolas of `lower_bounds` are below the least value by at most 3/4 q r, and lines by q r.
     """
     if len(g) < _MANY:
-        return np.arange(len(g) - 1), _bounds(times, g)
+        return np.arange(len(g) - 1), lower_bounds(times, g)
     starts = np.arange(0, len(g) - 1, _BLOCK)
     h = np.diff(times)
     uneven = np.ones(len(h))
@@ -142,10 +142,10 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
         left, right = first * _BLOCK, min(last * _BLOCK, len(h))
         before, after = max(left - 1, 0), min(right + 2, len(g))
         columns = np.flatnonzero(near[first:last].any(axis=0))
-        bounds = _bounds(times[before:after], g[before:after, columns])
+        lows = lower_bounds(times[before:after], g[before:after, columns])
         rows.append(np.arange(left, right))
         found.append(np.full((right - left, g.shape[1]), np.inf))
-        found[-1][:, columns] = bounds[left - before : right - before]
+        found[-1][:, columns] = lows[left - before : right - before]
     return np.concatenate(rows), np.vstack(found)
 
 
@@ -158,7 +158,7 @@ def _around(extreme: np.ufunc, values: Vector, starts: NDArray[np.intp]) -> Vect
     return extrema
 
 
-def _bounds(times: Vector, g: Vector) -> Vector:
+def lower_bounds(times: Vector, g: Vector) -> Vector:
     """Lower bounds of all guards in all n intervals; shape (n, guards).
 
     Each interval has two parabolas, through three neighbouring instants each. Their difference estimates their error

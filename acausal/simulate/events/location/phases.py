@@ -1,12 +1,15 @@
-"""Phases: the arguments of sines, cosines and tangents in guards, which have to be sampled several times in a period.
+"""What guards make of smooth states: phases of sines and arguments of steep functions, which have to be sampled.
 
 States are resolved by the steps of a solver, but not what a guard makes of them: `sin(w*t) > 0.9` turns any number of
-times while all states rest or grow evenly. Polynomials through mesh points that are a period apart look smooth.
+times, and `exp(-((x - 1)/w)**2) > 0.5` comes and goes, while all states rest or grow evenly. Polynomials through mesh
+points far apart look smooth. The arguments themselves are as smooth as the states: their change from one mesh point to
+the next, and that of the function within the bounds of its argument, tell where mesh points are too far apart.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -19,41 +22,71 @@ from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.events.guards import Moment
+from acausal.simulate.events.location.between import lower_bounds
 from acausal.simulate.solvers.segment import Piece, Segment
 
 # The largest change of a phase between two mesh points [rad]. With 32 points in each period, the parabolas through them
 # show a peak that exceeds its threshold by 2e-5 of its height; with eight, 4 of 50 were lost that exceed it by 1e-3.
 LARGEST_ADVANCE = np.pi / 16
+# The largest logarithmic change of a steep function between two mesh points, and the factor of what lies beyond both;
+# where exponentials and steps have ended; the least size of a denominator, relative to its largest; and any.
+_LARGEST_CHANGE, _TURNS, _FADED, _STEPPED, _LEAST, _FAR = 0.5, 10.0, 40.0, 20.0, 1e-12, 1e100
 # The fraction of the largest distance of mesh points that is aimed at, and the shortest interval that is divided, in
 # distances of instants that coincide.
 _WITHIN, _FEW = 0.7, 16.0
 _PERIODIC = frozenset(("sin", "cos", "tan"))
-_MADE: WeakKeyDictionary[CompiledModel, NarrowFunction | None] = WeakKeyDictionary()
+_MONOTONE = frozenset(("exp", "tanh", "atan"))
+_STEEP = {"exp": 0, "tanh": 0, "atan": 0, "cosh": 0, "sinh": 0, "pow": 0, "div": 1}
 
 
-def phases(compiled: CompiledModel) -> NarrowFunction | None:
-    """The phases of the guards of a model [rad], a function of (t, x, z, u, p, m); None if there are none that vary."""
+@dataclass(frozen=True, eq=False)
+class Arguments:
+    """Arguments in the guards of a model on which no rate depends, a function of (t, x, z, u, p, m).
+
+    `operations`: For each its function: that of a phase [rad], or the name of a steep function.
+    """
+
+    function: NarrowFunction
+    operations: tuple[str, ...]
+
+
+_MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
+
+
+def phases(compiled: CompiledModel) -> Arguments | None:
+    """The phases and steep arguments of the guards of a model; None if there are none that vary."""
     if compiled not in _MADE:
         _MADE[compiled] = _made(compiled)
     return _MADE[compiled]
 
 
-def _made(compiled: CompiledModel) -> NarrowFunction | None:
+def _made(compiled: CompiledModel) -> Arguments | None:
     symbols = Symbols(compiled)
     builder = symbols.defined(compiled)
-    relations = set(compiled.state_events.relations)
+    pool, relations = builder.pool, set(compiled.state_events.relations)
     rates = compiled.solution.structure.rates(compiled.state_variables)
     # what rates depend on is resolved by the error control of the solver
-    resolved = _behind(builder.pool, compiled, [*rates, *compiled.solution.residuals], relations)
-    nodes = _behind(builder.pool, compiled, relations, set()) - resolved
-    found = list(
-        dict.fromkeys(builder.pool.nodes[n][1] for n in sorted(nodes) if builder.pool.nodes[n][0] in _PERIODIC)
-    )
+    resolved = _behind(pool, compiled, [*rates, *compiled.solution.residuals], relations)
+    found: dict[tuple[int, str], None] = {}
+    for n in sorted(_behind(pool, compiled, relations, set()) - resolved):
+        op, *operands = pool.nodes[n]
+        if op in _PERIODIC or (op in _STEEP and not _is_low_power(pool, op, operands)):
+            found[operands[_STEEP.get(op, 0)], op] = None
     if not found:
         return None
-    column = ca.densify(builder.column(builder.replaced(found)))
-    varies = [k for k in range(column.numel()) if ca.depends_on(column[k], ca.vertcat(*symbols.inputs[:3]))]
-    return NarrowFunction("phases", symbols.inputs, column[varies]) if varies else None
+    column = ca.densify(builder.column(builder.replaced([n for n, _ in found])))
+    varying = ca.vertcat(*symbols.inputs[:3])
+    varies = [k for k in range(column.numel()) if ca.depends_on(column[k], varying)]
+    operations = tuple(op for _, op in found)
+    if not varies:
+        return None
+    return Arguments(NarrowFunction("phases", symbols.inputs, column[varies]), tuple(operations[k] for k in varies))
+
+
+def _is_low_power(pool: Pool, op: str, operands: list[int]) -> bool:
+    """Whether a node is a square, a cube, or another power below the eighth, which parabolas show."""
+    exponent = pool.nodes[operands[1]] if op == "pow" else ("", 0.0)
+    return exponent[0] == "const" and float(exponent[1]) in range(1, 8)
 
 
 def _behind(pool: Pool, compiled: CompiledModel, roots: Iterable[int], barriers: set[int]) -> set[int]:
@@ -71,20 +104,63 @@ def _behind(pool: Pool, compiled: CompiledModel, roots: Iterable[int], barriers:
 def first_swing(
     moment: Moment, segment: Segment, times: Vector, piece: Piece, rows: NDArray[np.int64], until: int, shortest: float
 ) -> tuple[int | None, float]:
-    """The first of some intervals in which a phase advances too far, or None, and a better distance of mesh points [s].
+    """The first of some intervals in which a phase advances too far, or a steep function changes too much, or None.
+
+    And a better distance of mesh points if a phase does [s], inf else: what is steep is so for a moment.
 
     `times`: The start of the segment and n mesh points, shape (n + 1,), which are the `rows` of a piece, shape (n,).
     `until`, `shortest`: The first `until` intervals count, unless they are nearly as short as `shortest` [s].
     """
     problem = moment.regime.problem
-    function = phases(problem.compiled)
-    if function is None or not until:
+    found = phases(problem.compiled)
+    if found is None or not until:
         return None, np.inf
     x, z = (np.column_stack([v, w[:, rows[:until]]]) for v, w in ((segment.x, piece.x), (segment.z, piece.z)))
-    values = function.many(times[: until + 1, None], x.T, z.T, problem.u, problem.p, moment.m)
-    advance, widths = np.abs(np.diff(values, axis=0)).max(axis=1) / LARGEST_ADVANCE, np.diff(times[: until + 1])
-    swung = np.flatnonzero((advance > 1.0) & (widths > _FEW * shortest))
+    values = found.function.many(times[: until + 1, None], x.T, z.T, problem.u, problem.p, moment.m)
+    widths = np.diff(times[: until + 1])
+    is_phase = np.array([op in _PERIODIC for op in found.operations])
+    advance = np.abs(np.diff(values[:, is_phase], axis=0)).max(axis=1, initial=0.0) / LARGEST_ADVANCE
+    steep = [op for op in found.operations if op not in _PERIODIC]
+    change = _changes(times[: until + 1], values[:, ~is_phase], steep) if steep else np.zeros(until)
+    swung = np.flatnonzero(((advance > 1.0) | (change > _LARGEST_CHANGE)) & (widths > _FEW * shortest))
     if not len(swung):
         return None, np.inf
     k = int(swung[0])
-    return k, _WITHIN * float(widths[k] / advance[k])
+    return k, _WITHIN * float(widths[k] / advance[k]) if advance[k] > 1.0 else np.inf
+
+
+def _changes(times: Vector, arguments: Vector, operations: list[str]) -> Vector:
+    """The largest logarithmic change of any steep function in each of n intervals, shape (n,), from its arguments.
+
+    What it may rise or fall beyond both ends counts more: a pulse is there, if anywhere.
+    """
+    arguments = np.nan_to_num(np.clip(arguments, -_FAR, _FAR))
+    low, high = lower_bounds(times, arguments), -lower_bounds(times, -arguments)
+    change = np.zeros(len(low))
+    for k, op in enumerate(operations):
+        both = np.stack([arguments[:-1, k], arguments[1:, k]])
+        least, most = np.fmin(low[:, k], both.min(axis=0)), np.fmax(high[:, k], both.max(axis=0))
+        if op not in _MONOTONE:
+            passes_zero, both = np.sign(least) * np.sign(most) < 0.0, np.abs(both)
+            least, most = np.where(passes_zero, 0.0, np.fmin(np.abs(least), np.abs(most))), np.fmax(-least, most)
+        nearest = max(_LEAST * float(both.max()), 1e-300)
+        levels = [_level(op, v, nearest) for v in (least, both.min(axis=0), both.max(axis=0), most)]
+        turn = np.fmax(levels[1] - levels[0], levels[3] - levels[2])
+        change = np.fmax(change, np.fmax(levels[3] - levels[0], _TURNS * turn))
+    return change
+
+
+def _level(op: str, argument: Vector, least: float) -> Vector:
+    """The logarithm of a function, or of what a step has left to its end, where it matters; grows with `argument`.
+
+    Functions that are not monotone are given magnitudes, of which `least` counts as zero.
+    """
+    if op == "exp":
+        return np.maximum(argument, -_FADED)
+    if op == "tanh":
+        return np.clip(argument, -_STEPPED, _STEPPED)
+    if op == "atan":
+        return np.arcsinh(argument)
+    if op in ("cosh", "sinh"):
+        return np.clip(argument, 1.0, _FADED)
+    return np.minimum(np.log(np.maximum(argument, least)), _FADED)

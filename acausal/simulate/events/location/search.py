@@ -514,8 +514,8 @@ class Search:
                 continue
             if jumps[which] or rate[which] == 0.0:
                 break
-            step = -value / float(rate[which])
-            if abs(step) <= smallest or abs(value) <= 0.1 * LOCATED * noise[which] or abs(step) > right - left:
+            step = -value / float(rate[which])  # nan where the slope of a function overflows
+            if abs(step) <= smallest or abs(value) <= 0.1 * LOCATED * noise[which] or not abs(step) <= right - left:
                 break
             if iteration >= _ONE_SIDED:
                 # only the errors of these integrations are left; a guard that is passed does not flip back
