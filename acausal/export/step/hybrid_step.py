@@ -352,7 +352,7 @@ class HybridStep:
     def _dips(self, t: Any, h: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> Any:
         """Whether a guard that is positive at both ends of a part may be crossed twice in the first `share` of it.
 
-        As in `events/location/bracketing.py`, without its integrated points: the cubic through both ends is evaluated
+        As in `native/bracketing.c`, without its integrated points: the cubic through both ends is evaluated
         where its slope would vanish if the slope were linear, and the guard itself where the tangents at both ends
         intersect, the position of a kink. A guard that oscillates within the step is not a cubic: it is evaluated at
         inner points, and may be crossed if it deviates from the cubic by more than its value and a tenth of its

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,18 +19,14 @@ from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.arrival import Arrival
-from acausal.simulate.events.location.phases import phases
 from acausal.simulate.events.location.search import Search
-from acausal.simulate.events.location.stopping import Lingering, Stop, compiled_program, integrate_to_event
+from acausal.simulate.events.loop_equations import compiled_program
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.events.rest import Bounces
-from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import pace
-from acausal.simulate.solvers.recovery import RECOVERY_STEPS
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 from acausal.simulate.start.initialize import Start
 
@@ -39,27 +34,22 @@ Integrate = Callable[[Regime, Segment], Piece]
 _log = logging.getLogger(__name__)
 # A guard creeps if its rate is less than this fraction of its rate beyond zero.
 _CREEP = 1e-3
-# The most events in a run of a guard that lingers near zero.
-_MOST_LINGERING = 10
 # The most successive events whose guard was never larger than its error: 20 of a relation, there and back.
 _MOST_VAGUE = 40
 # The number of successive events whose guard was never larger than its error before errors of states relax, after which
 # each of them must have advanced the run by this fraction on average.
 _MOST_SMALL, _LEAST_ADVANCE = 400, 1e-6
-# The least fraction of the run that is integrated at once.
-_SHORTEST = 1e-9
-# The number of mesh points of a one-step method in a whole run, and the least in a stretch.
-_MOST_POINTS, _FEWEST_POINTS = 64, 4
-# The number of stretches in which a solver that stops by itself may have missed a steep function, after which it is not
-# used with the same relations any more.
+# The number of stretches in which the compiled loop may have missed a steep function, after which it is not used with
+# the same relations any more.
 _MOST_UNCLEARED = 2
-# The number of failures over which the run must have advanced by this fraction.
-_MOST_FAILURES, _PROGRESS = 100, 1e-6
 # The cause of an event at which nothing changes: causes without text are not listed in the result.
 _NO_EVENT = (Cause(""),)
 # How often a recorded integration is continued until its guard is passed, each time by the time that its rate predicts
 # times this factor.
 _MOST_TURNS, _OVERSHOOT = 8, 1.5
+# The cost of an interpreted call of a one-step method, with its share of guards and events in Python, in evaluations: a
+# millisecond. By it a run of 4000 switchings is compiled on its way, after which they take 10 us each.
+_CALL_OVERHEAD = 600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +78,7 @@ class Hybrid:
     span: float
     traced: bool = False
     missed_events: MissedEvents | None = None
-    """The search after a solver that stops at guards by itself; None if the equations have no steep functions."""
+    """The search after the compiled loop, which stops at guards by itself; None if there are no steep functions."""
     jumped: Jumped | None = None
     """Finds where delayed signals are read after an event has changed their delays."""
     memories: dict[int, LoopMemory] = field(default_factory=dict)
@@ -97,10 +87,8 @@ class Hybrid:
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     terminated: str | None = None
-    pace: float = 0.0
     history: list[tuple[float, Regime]] = field(default_factory=list)
     _gap: float = np.inf
-    _failed: bool = False
     _vague: dict[int, int] = field(default_factory=dict)
     _small: dict[int, list[float]] = field(default_factory=dict)
     _uncleared: dict[bytes, int] = field(default_factory=dict)
@@ -112,16 +100,26 @@ class Hybrid:
         self.guards = Guards(self.problem, self.tolerances, self.span)
         self.iteration = Iteration(self.problem, self.guards, self.jumped)
         self.bounces = Bounces(self.problem, self.guards, self.span)
-        self.lingering = Lingering()
-        self.search = Search(self.guards, self.solver, self.explore, self.span)
-        self.single_step = self.solver.native == "integrator" and not self.problem.compiled.algebraic
-        # guards with phases are searched: solvers that stop by themselves look at the ends of steps only
-        self.single_step &= phases(self.problem.compiled) is None
-        # without states there is no error by which to choose a step
-        self.single_step &= self.problem.n_dynamic > 0
+        self.search = Search(self.guards, self.solver, self._explored, self.span)
         # delayed signals are recorded by integrations that continue to the end of a segment
         self.is_delayed = bool(self.problem.compiled.delays)
-        self.single_step &= not self.is_delayed
+
+    @property
+    def pace(self) -> float:
+        """See `driver.Dynamics`."""
+        return self.search.pace
+
+    @pace.setter
+    def pace(self, step: float) -> None:
+        self.search.pace = step
+
+    def _explored(self, regime: Regime, segment: Segment) -> Piece:
+        """`explore`, counted: evaluations decide when the event loop is compiled."""
+        piece = self.explore(regime, segment)
+        if self.solver.native == "integrator":
+            evaluations = piece.counters.get("rhs_evaluations", 0.0) + _CALL_OVERHEAD
+            regime.problem.native.interpreted(f"{self.solver.name}, events", evaluations)
+        return piece
 
     def begin(self, t: float, start: Start, m: Vector, flag: str | None) -> None:
         """Execute the event at the start of the run, with modes `m` of the start values.
@@ -221,7 +219,7 @@ class Hybrid:
         """Integrate to the next event and execute it, or to the end of the stretch; see `driver.Dynamics`."""
         here, moment, times = position.here, self.reached, stretch.times
         if position.arrived:
-            self._relax()
+            self.search.relax()
             return self._execute(here, moment)
         if not position.fresh:
             times = times[times > here + 1e-13 * max(self.span, abs(here))]
@@ -237,16 +235,17 @@ class Hybrid:
             x=moment.x,
             z=moment.z,
             p=moment.m,
-            first=self.pace,
+            first=0.0 if self.solver.multistep else self.pace,
             max_step=stretch.longest,
         )
-        stop = self.integrated(segment, moment)
+        stop = self._integrated(segment, moment)
         if stop.time is None:
             self.moment = Moment(stop.x, stop.z, moment.m, moment.regime)
             return None if rest is None else self._end_flights(rest)
         self._gap = max(stop.time - here, self._gap / 8 if np.isfinite(self._gap) else 0.0)
         here = stop.time
-        left = self.iteration.consistent(here, Moment(stop.x, stop.z, moment.m, moment.regime))
+        self.moment = Moment(stop.x, stop.z, moment.m, moment.regime)  # where an equation may turn out to be singular
+        left = self.iteration.consistent(here, self.moment)
         self._record(np.array([here]), left.x[:, None], left.z[:, None], left, {})
         return self._execute(here, left)
 
@@ -345,70 +344,6 @@ class Hybrid:
             return replace(happened, causes=_NO_EVENT)
         return replace(happened, causes=(*(self.guards.causes[k] for k in relations), *happened.causes))
 
-    def integrated(self, segment: Segment, moment: Moment) -> Stop:
-        """Integrate and record up to the next event, or to the end of a segment."""
-        if not self.single_step:
-            return self.searched(segment, moment, self.band(segment.start, moment))
-        failures, progress_from = 0, segment.start
-        while True:
-            self._relax()
-            mesh = self.mesh(segment)
-            wide = replace(segment, times=np.union1d(segment.times[segment.times <= mesh[-1]], mesh))
-            try:
-                stop = self._to_stop(wide, moment)
-            except Interrupted as interrupted:
-                self._record_interrupted(segment, moment, interrupted.piece)
-                raise
-            except RuntimeError:
-                # just beyond an event, frozen modes may lead to points where the equations are undefined: less far
-                reach = float(mesh[-1]) - segment.start
-                failures += 1
-                # near a pole, ever smaller pieces succeed without progress
-                if reach <= 2 * _SHORTEST * self.span:
-                    raise
-                if failures % _MOST_FAILURES == 0:
-                    if segment.start - progress_from < _PROGRESS * self.span:
-                        raise
-                    progress_from = segment.start
-                self._gap, self._failed = reach / 64, True
-                segment = replace(segment, step_budget=RECOVERY_STEPS)
-                continue
-            if stop is None:
-                self.guards.step = 0.0
-                return self.searched(segment, moment, self.band(segment.start, moment))
-            self._refuse_lingering(stop)
-            keep = np.isin(stop.times, segment.times)
-            self._record(stop.times[keep], stop.piece.x[:, keep], stop.piece.z[:, keep], moment, stop.piece.counters)
-            reached = stop.time if stop.time is not None else float(mesh[-1])
-            self.pace = pace(segment.start, reached, stop.piece.counters)
-            self._relax()
-            if stop.time is not None or reached >= segment.times[-1]:
-                return stop
-            self._gap = reached - segment.start
-            rest = segment.times[segment.times > reached]
-            segment = replace(segment, start=reached, times=rest, x=stop.x, z=stop.z, first=self.pace)
-            moment = Moment(stop.x, stop.z, moment.m, moment.regime)
-
-    def _relax(self) -> None:
-        """Set the step over which errors relax: that of an implicit method; an explicit one relaxes none."""
-        self.guards.step = self.pace if self.solver.name == "rosenbrock" else 0.0
-
-    def _to_stop(self, segment: Segment, moment: Moment) -> Stop | None:
-        """Integrate with a solver that stops by itself; None if it may have missed what a steep function does.
-
-        After repeated misses, stretches in which the same relations hold are not attempted.
-        """
-        if self.missed_events is None:
-            return integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
-        if self._must_search(moment.m):
-            return None
-        stop = integrate_to_event(self.guards, moment, segment, self.solver.name, self.lingering)
-        times, piece = stop.times, stop.piece
-        if stop.time is not None:
-            times, x = np.append(times, stop.time), np.hstack([piece.x, stop.x[:, None]])
-            piece = Piece(x, np.zeros((0, len(times))), piece.counters)
-        return stop if self._clears(replace(segment, times=times), piece, moment.regime.problem) else None
-
     def _must_search(self, m: Vector) -> bool:
         """Whether stretches in which these relations hold have to be searched, because others were not cleared."""
         return self._uncleared.get(m[self.guards.first :].tobytes(), 0) >= _MOST_UNCLEARED
@@ -422,21 +357,8 @@ class Hybrid:
         self._uncleared[relations] = self._uncleared.get(relations, 0) + 1
         return False
 
-    def _refuse_lingering(self, stop: Stop) -> None:
-        """Refuse guards that an explicit method neither passes nor leaves, because both modes lead to zero."""
-        names = [self.guards.texts[k] for k, count in self.lingering.events.items() if count > _MOST_LINGERING]
-        if names and stop.time is not None:
-            raise unsettled(self.problem.compiled, stop.time, names)
-
-    def _record_interrupted(self, segment: Segment, moment: Moment, got: Stop | None) -> None:
-        """Record the rows of an interrupted stretch."""
-        if got is not None:
-            keep = np.isin(got.times, segment.times)
-            self._record(got.times[keep], got.piece.x[:, keep], got.piece.z[:, keep], moment, got.piece.counters)
-
-    def searched(self, segment: Segment, moment: Moment, band: Vector) -> Stop:
-        """Integrate to the next event with a solver that does not stop by itself."""
-        no_rows = Piece(np.zeros((len(moment.x), 0)), np.zeros((len(moment.z), 0)), {})
+    def _integrated(self, segment: Segment, moment: Moment) -> Arrival:
+        """Integrate and record up to the next event, or to the end of a segment."""
 
         def record(times: Vector, piece: Piece) -> None:
             if not self.is_delayed:
@@ -445,22 +367,22 @@ class Hybrid:
         if self.is_delayed and not moment.regime.active_set.owners:
             reached = Arrival(None, moment.x, moment.z)
         else:
-            reached = self.search.to_event(segment, moment, band, self._gap, record)
+            reached = self.search.to_event(segment, moment, self.band(segment.start, moment), self._gap, record)
             if reached.time is not None:
                 self._check_size(reached, moment)
         if not self.is_delayed:
-            return Stop(no_rows, segment.times[:0], reached.time, reached.x, reached.z)
+            return reached
         if reached.time is not None and reached.time <= segment.start:  # at the instant of the last event
-            return Stop(no_rows, segment.times[:0], reached.time, reached.x, reached.z)
+            return reached
         return self._integrate_recorded(segment, moment, reached.time)
 
-    def _integrate_recorded(self, segment: Segment, moment: Moment, event: float | None) -> Stop:
+    def _integrate_recorded(self, segment: Segment, moment: Moment, event: float | None) -> Arrival:
         """Integrate to a located event, or to the end, with delayed signals recorded for later reading.
 
         They must be recorded over the stretch and not beyond. This integration passes the guard at a slightly different
         instant: if it ended before that, relations that have flipped would flip back, which would be another event.
         """
-        no_rows, end = Piece(np.zeros((len(moment.x), 0)), np.zeros((len(moment.z), 0)), {}), float(segment.times[-1])
+        end = float(segment.times[-1])
         until, rest, x, z = end if event is None else event, segment, moment.x, moment.z
         for turn in range(_MOST_TURNS):
             times = np.append(rest.times[rest.times < until], until)
@@ -478,7 +400,7 @@ class Hybrid:
                 break
             rest = replace(rest, start=until, times=segment.times[segment.times > until], x=x, z=z, first=0.0)
             event = until = min(self._last_same(until) + ahead, end)
-        return Stop(no_rows, segment.times[:0], event, x, z)
+        return Arrival(event, x, z)
 
     def _check_size(self, reached: Arrival, moment: Moment) -> None:
         """Note a guard that was never larger than its error; refuse a long succession of such events."""
@@ -517,23 +439,6 @@ class Hybrid:
         if note not in self.notes:
             self.notes.append(note)
             _log.warning("%s: %s", self.problem.compiled.name, note)
-
-    def mesh(self, segment: Segment) -> Vector:
-        """Where a one-step method that stops at events by itself has to end a step, so that its guards are evaluated.
-
-        Over the whole rest of the segment; after a failure, not much farther than it has come before.
-        """
-        end = float(segment.times[-1])
-        span = end - segment.start
-        reach = self._gap if self._failed else np.inf
-        if reach < span / 8:
-            span = min(span, max(8 * reach, _SHORTEST * self.span))
-        count = max(
-            _FEWEST_POINTS, min(math.ceil(_MOST_POINTS * span / self.span), _MOST_POINTS)
-        )  # spaced as in a whole run
-        found = segment.start + span * np.arange(1, count + 1) / count
-        found[-1] = min(segment.start + span, end) if span < end - segment.start else end
-        return found
 
     def band(self, t: float, moment: Moment) -> Vector:
         """How far below zero each guard may be; shape (guards,).

@@ -38,11 +38,6 @@ def same_instant(span: float, t: Any) -> Any:
     return np.maximum(INSTANT * span, _TIME_ROUNDING * np.abs(t))
 
 
-def location_error(span: float, times: Vector) -> Vector:
-    """The accuracy to which instants [s] are located, shape (n,); finer than the distance at which they coincide."""
-    return np.maximum(LOCATED * INSTANT * span, 0.05 * _TIME_ROUNDING * np.abs(times))
-
-
 @dataclass(frozen=True, eq=False)
 class Moment:
     """States, algebraic variables and modes at one instant, and the regime they belong to."""
@@ -144,33 +139,6 @@ class Guards:
             # an element at its limit beside others that are stuck is at its guard up to rounding errors of loads
             noise += _LOAD_ROUNDING * (1.0 + np.abs(at.z).max())
         return rates, _finite(noise)
-
-    def states(self, times: Vector, x: Vector, at: Moment) -> tuple[Vector, Vector, Vector]:
-        """`state` at n ends of steps of a problem without algebraic variables; shapes (n, guards).
-
-        States `x` have shape (n, states); modes and regime are those of `at`.
-        """
-        problem, error = self.problem, 10 * self.tolerances.of(x, self._nominal)
-        common = at.z, problem.u, problem.p, at.m
-        if len(times) == 1:  # twice as fast as the function of many points
-            judged = at.regime.active_set.judged(times[0], x[0], *common, error[0], at.z)[0][None, :]
-        else:
-            judged = at.regime.active_set.judged.many(times[:, None], x, *common, error, at.z)
-        count = judged.shape[1] // 3
-        distances, rates, noises = (
-            np.minimum(judged[:, :count], FAR),
-            judged[:, count : 2 * count],
-            judged[:, 2 * count :],
-        )
-        if self.step > 0.0:
-            near = noises > np.abs(distances)
-            for k in np.flatnonzero(near.any(axis=1)).tolist():
-                here, which = Moment(x[k], at.z, at.m, at.regime), near[k]
-                least = self._relaxed(float(times[k]), here, error[k], np.flatnonzero(which))
-                noises[k, which] = np.minimum(noises[k, which], least)
-        noises += np.abs(rates) * same_instant(self.span, times)[:, None]
-        noises[noises == 0.0] = LEAST
-        return distances, rates, _finite(noises)
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """The noise of these guards after errors of the states have relaxed over a step (`ActiveSet.relaxed`).

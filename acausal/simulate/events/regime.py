@@ -31,7 +31,6 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.native.policy import Library
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +46,6 @@ class Regime:
     free: Problem
     holds: tuple[Hold, ...] = ()
     border: Border | None = None
-    _constants: Vector | None = None
 
     @cached_property
     def active_set(self) -> ActiveSet:
@@ -60,14 +58,6 @@ class Regime:
         if not self.holds and self.border is None:
             return self.free
         return Problem(self.active_set.compiled, self.free.p, self.free.u, self.free.wanted_native)
-
-    def constants(self, library: Library[Any]) -> Vector:
-        """Values that depend on parameters and inputs alone, for compiled code; computed once."""
-        if self._constants is None:
-            (found,) = library.constants(self.free.p, self.free.u)
-            object.__setattr__(self, "_constants", found)
-            return found
-        return self._constants
 
     @cached_property
     def compiled(self) -> CompiledModel:
@@ -199,19 +189,6 @@ class ActiveSet:
         if not self.holds and self.border is None:
             return functions_of(self.free).rates
         return BufferedFunction(guard_rates(self.compiled, self.watch))
-
-    @cached_property
-    def judged(self) -> BufferedFunction:
-        """Distances of all guards, then their rates and their noise, for equations without algebraic variables.
-
-        The arguments are those of `rates`. It saves one of the two calls of `guards` and `rates`.
-        """
-        rates = self.rates.function
-        inputs = [ca.MX.sym(rates.name_in(k), rates.numel_in(k)) for k in range(rates.n_in())]
-        derivatives, noise = rates(*inputs)[:2]
-        return BufferedFunction(
-            ca.Function("judged", inputs, [ca.vertcat(self.watch(*inputs[:-2]), derivatives, noise)])
-        )
 
     @cached_property
     def relaxed(self) -> Any:

@@ -1,17 +1,24 @@
-/* Search for points between two points of a solution at which a guard may be passed (events/location/bracketing.py). */
+/* Search for points between two points of a solution at which a guard may be passed.
+
+   A guard is passed if its sign changes. It may be passed there and back if the tangents at both ends meet near zero (a
+   kink, `abs(x) < 1e-3`), or if the Hermite cubic goes below zero. Such an interval gets another point, at the crossing or
+   at the minimum of the cubic. If a guard has a kink, `maximum(u, 1e-9)`, cubics may shorten the interval by only a
+   thousandth at a time. So if an interval was not halved, the next point is at the zero of the right-hand tangent, and the
+   one after that is the middle (R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 4). New points
+   are integrated and not interpolated, because dense output of stiff components is wrong by thousands of tolerances. */
 
 #include <string.h>
 
 #define LOW 0.05
 
-/* `Node` of bracketing.py. */
+/* A point of the solution: states, and of each guard its distance, its rate, and what counts as zero. */
 struct node {
   double t, *x, *above, *rate, *near;
 };
 
 static double most(double a, double b) { return a > b ? a : b; }
 
-/* The cubic from p at 0 to q at 1 with slopes a and b, as in bracketing.py. */
+/* The cubic from p at 0 to q at 1 with slopes a and b. */
 struct cubic {
   double p, a, square, cube, turn[2];
   int turns;

@@ -17,7 +17,7 @@ enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2
 enum { ROW = 1, MESH = 2 }; /* purposes of an instant */
 enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
 #define INSTANT 1e-12 /* instants closer than this fraction of the run, or of the time, coincide: guards.py */
-#define FEW_INSTANTS 2.0 /* an interval this short is not divided where a guard jumps in it: bracketing.py */
+#define FEW_INSTANTS 2.0 /* an interval this short is not divided where a guard jumps in it */
 #define ROUNDINGS 2e-14
 #define LOCATED 1e-2
 #define BEHIND 1.001
@@ -357,7 +357,7 @@ static int enter_segment(struct event_loop* s, struct space* o) {
   return 0;
 }
 
-/* The step over which errors have relaxed at a time of the stretch (stopping.py). */
+/* The step over which errors have relaxed at a time of the stretch (`Search.relax`). */
 static double step_of(const struct event_loop* s, double t) {
   double own = s->steps > s->begun && t > s->here ? (t - s->here) / (double) (s->steps - s->begun) : 0.0;
   return own > 0 && s->first > 0 ? (own < s->first ? own : s->first) : most(own, s->first);
@@ -462,8 +462,8 @@ static int step_to_stop(struct event_loop* s, struct space* o, double begin, dou
   return status;
 }
 
-/* Search from node 0 to node 1 for an event, and leave the first one in node 0, or node 1 if there is none; see
-   bracketing.py. Nodes 1, 2, ... are a stack of those still ahead. */
+/* Search from node 0 to node 1 for an event, and leave the first one in node 0, or node 1 if there is none.
+   Nodes 1, 2, ... are a stack of those still ahead. */
 static int search(struct event_loop* s, struct space* o, double instant, int* found) {
   struct node* left = o->node;
   count_t top = 1, count, k;

@@ -120,15 +120,18 @@ class Native:
         self.memory = _MEMORIES.setdefault(compiled, Memory())
         self.used: set[str] = set()
 
-    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[EventLoopProgram] | None:
+    def integrator(
+        self, plugin: str, settings: Mapping[str, Any], most_steps: int = 10**6
+    ) -> Library[EventLoopProgram] | None:
         """A whole integrator, "rosenbrock" or "erk"; that of an ODE can also integrate over time events.
 
         Tolerances and step are arguments of the program, so that all their values use the same library. Units of
-        algebraic variables are appended to its parameters (`in_units`).
+        algebraic variables are appended to its parameters (`in_units`). It takes `most_steps` between two output times.
         """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
-        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": 10**6, **fixed}
+        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": most_steps, **fixed}
         kind = f"{plugin}, fixed steps" if fixed else plugin
+        kind += f", at most {most_steps}" if most_steps < 10**6 else ""
 
         def text() -> str | None:
             dae, constants = self.equations
@@ -149,7 +152,7 @@ class Native:
         nx: int,
         instructions: Callable[[], int],
     ) -> Library[EventLoopProgram] | None:
-        """A whole integrator that stops at events (`simulate/events/location/stopping.py`).
+        """A whole integrator that stops at events (`simulate/events/loop_equations.py`).
 
         `equations()` builds its functions, with `nx` states; they follow from the functions `made_from()`, and from the
         rates and rounds of the model. `instructions()` is the size of its event functions.

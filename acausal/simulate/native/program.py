@@ -75,11 +75,13 @@ class Program:
         abstol: float,
         step: float,
         first: float = 0.0,
-    ) -> tuple[Vector, Vector, dict[str, float]]:
+        *,
+        partial: bool = False,
+    ) -> tuple[Vector, Vector, dict[str, Any]]:
         """Return states, shape (n, nx), and algebraic variables, shape (n, nz), on the grid from 0, and statistics.
 
-        `first` is the length of the first step, 0 to have it estimated. The statistics contain "next", the length of
-        the next step, and "end", where the step that an event stopped would have ended.
+        `first` is the length of the first step, 0 to have it estimated. With `partial`, an integration that fails
+        returns the rows before that, and the statistics have an entry "stopped" with the message.
 
         Raises RuntimeError: the integration cannot continue; the message says why.
         Raises Interrupted: on Ctrl-C, with the rows computed so far.
@@ -94,9 +96,11 @@ class Program:
         status = self.call(arg, res, ctypes.c_void_p(address(iw)), ctypes.c_void_p(address(w)), 0)
         if status == INTERRUPTED:
             raise Interrupted(x[: run.reached], z[: run.reached])
-        _check(status)
         stats = {"n_steps": run.steps, "n_rhs": run.rhs, "n_jac": run.jac, "n_reject": run.rejected}
-        return x, z, {name: float(n) for name, n in stats.items()} | {"next": run.first, "end": run.last_end}
+        stopped = {} if not status else {"stopped": _FAILURES.get(status, f"status {status}")}
+        if stopped and not (partial and run.reached):
+            raise RuntimeError(stopped["stopped"])
+        return x[: run.reached], z[: run.reached], {name: float(n) for name, n in stats.items()} | stopped
 
 
 class HeunProgram:

@@ -1,7 +1,7 @@
 /* The loop over stretches and their events, using event_loop.c: outputs and mesh points of a stretch, memory of a call. */
 
 /* Whether a falling guard is within its noise at node 1, although by its rate it should have been passed: it may stay
-   near zero (stopping.py). */
+   near zero (lingering.py). */
 static int lingers(const struct event_loop* s, const struct space* o) {
   const struct node *left = o->node, *right = o->node + 1;
   count_t k;

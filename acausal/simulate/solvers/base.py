@@ -61,6 +61,9 @@ measured both with BDF and with methods of order 5 (docs/accuracy.md).
 MOST_STEPS = 10**6
 """Largest number of steps of a one-step method between two output times, as large as a long run may need."""
 
+SEARCHED_STEPS = 26
+"""The same between two mesh points of a search for events: ten, and sixteen where the first step is estimated."""
+
 
 class CasadiSolver:
     """Base of the plugins: builds the integrator for the grid of one segment and calls it."""
@@ -143,14 +146,13 @@ class CasadiSolver:
         if unit != 1.0:
             dae = problem.scaled.in_unit_of_time(problem.scaled.dae if self.algebraic else problem.scaled.ode, unit)
             settings, grid = in_unit(unit, settings), grid / unit
-        elif kind == "integrator" and not segment.partial and segment.step_budget is None:
-            code = native.integrator(self.plugin, settings)
-            if code is not None:
-                units = np.ones(len(z0)) if units is None else units
-                p = np.concatenate([code.vector(problem.p, problem.u, problem.numbers(*point)), units])
-                sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
-                x, z, stats = code.run(x0, z0 / units, p, grid, *sizes, 0.0 if segment.step else segment.first)
-                return x, z * units, stats
+        elif kind == "integrator" and (code := self._compiled(problem, segment, settings)) is not None:
+            units = np.ones(len(z0)) if units is None else units
+            p = np.concatenate([code.vector(problem.p, problem.u, problem.numbers(*point)), units])
+            sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
+            first = 0.0 if segment.step else segment.first
+            x, z, stats = code.run(x0, z0 / units, p, grid, *sizes, first, partial=segment.partial)
+            return x, z * units, stats
         elif kind == "equations":
             library = native.oracle(self.plugin, settings, None if segment.fractions is None else stretched)
             if library is not None:
@@ -198,6 +200,18 @@ class CasadiSolver:
             stats["n_jac"] = reused.evaluations
         native.interpreted(self.plugin, float(next((stats[k] for k in _EVALUATIONS if k in stats), 0.0)))
         return x, z, {**stats, "making": seconds_to_make}
+
+    def _compiled(
+        self, problem: Problem, segment: Segment, settings: Mapping[str, Any]
+    ) -> Library[EventLoopProgram] | None:
+        """Return the integrator as compiled C, if it is to be used for this segment."""
+        if not segment.partial and segment.step_budget is None:
+            return problem.native.integrator(self.plugin, settings)
+        # of searches for events only those of held relations, which no compiled loop passes
+        is_held = problem.compiled.varied and not problem.compiled.algebraic
+        if not is_held or not segment.partial or segment.most_steps > SEARCHED_STEPS:
+            return None
+        return problem.native.integrator(self.plugin, settings, SEARCHED_STEPS)
 
 
 def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Vector:

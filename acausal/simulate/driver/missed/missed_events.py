@@ -178,9 +178,7 @@ class _Search:
         if len(rows.times) < 2:
             return True
         if len(rows.times) < _FEWEST_ROWS:
-            if steps <= _STEPS_PER_ROW * len(rows.times) and self._is_mild_by_rates(segment, rows):
-                return True
-            return self._is_confirmed(segment, piece)
+            return self._is_mild(segment, piece, rows) or self._is_confirmed(segment, piece)
         if not rows.is_steep.any():
             return True
         if steps > self._most or not self._resolve_arguments(segment, rows):
@@ -247,6 +245,10 @@ class _Search:
         at the end of the segment, or where the solver has stopped.
         """
         is_last = reach >= segment.times[-1]
+        if is_last and len(segment.times) + 1 < _FEWEST_ROWS:  # perhaps nothing is steep there
+            piece = self.solve(self.problem, segment)
+            if self._is_mild(segment, piece, self._rows(segment, piece)):
+                return piece, None
         inside = segment.times if is_last else segment.times[segment.times < reach]
         refined = segment
         if not is_last:
@@ -402,8 +404,10 @@ class _Search:
                 z = on_equations(self.problem, replace(segment, times=times), x, z)
         return self._values(segment, times, x, z)
 
-    def _is_mild_by_rates(self, segment: Segment, rows: _Rows) -> bool:
+    def _is_mild(self, segment: Segment, piece: Piece, rows: _Rows) -> bool:
         """Whether nothing is steep between few rows, where Hermite cubics through states and rates are the states."""
+        if len(rows.z) or piece.counters.get("steps", 0.0) > _STEPS_PER_ROW * len(rows.times):
+            return False
         p, n, times = self.problem, self.problem.n_dynamic, rows.times
         rates = functions_of(p.compiled).rhs.many(times[:, None], rows.x.T, rows.z.T, p.u, p.p, segment.p)[:, :n]
 

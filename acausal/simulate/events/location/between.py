@@ -124,7 +124,8 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
 
     If there are many instants, blocks of them in which a guard moves by less than its distance from zero are left out,
     or the guard gets the bound inf. With the largest change r between neighbours and the largest ratio q of the lengths
-    of adjacent intervals, parabolas of `lower_bounds` are below the least value by at most 3/4 q r, and lines by q r.
+    of adjacent intervals, parabolas of `lower_bounds` are below the least value by at most 3/4 q r, lines by q r, and
+    lines with their curvature by (q + 2 q^3) r.
     """
     if len(g) < _MANY:
         return np.arange(len(g) - 1), lower_bounds(times, g)
@@ -135,12 +136,12 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
     ratio = _around(np.maximum, uneven, starts)[:, None]
     least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
     with np.errstate(invalid="ignore"):  # nan counts as near zero
-        near = ~(least > ratio * (most - least))
+        near = ~(least > (ratio + 2.0 * ratio**3) * (most - least))
     ends = np.flatnonzero(np.diff(near.any(axis=1), prepend=False, append=False)).reshape(-1, 2)
     rows, found = [np.zeros(0, dtype=np.intp)], [np.zeros((0, g.shape[1]))]
     for first, last in ends.tolist():
         left, right = first * _BLOCK, min(last * _BLOCK, len(h))
-        before, after = max(left - 1, 0), min(right + 2, len(g))
+        before, after = max(left - 2, 0), min(right + 3, len(g))
         columns = np.flatnonzero(near[first:last].any(axis=0))
         lows = lower_bounds(times[before:after], g[before:after, columns])
         rows.append(np.arange(left, right))
@@ -167,7 +168,8 @@ def lower_bounds(times: Vector, g: Vector) -> Vector:
 
     Parabolas do not show kinks: that of `abs(x) - 1e-3` through distant points on both sides of x = 0 turns back high
     above zero. Where the lines through the neighbours on both sides meet in the interval, the bound is no higher than
-    their intersection; without a neighbour on one side, the line is taken to be as steep as on the other.
+    their intersection, less what the curvature of the neighbours makes of it; without a neighbour on one side, the line
+    is taken to be as steep, and as curved, as on the other.
     """
     a, b = g[:-1], g[1:]
     if len(g) < 3:
@@ -180,17 +182,28 @@ def lower_bounds(times: Vector, g: Vector) -> Vector:
         # a + rise*s - depth*s*(1 - s) for s from 0 to 1
         depth = h * h * (np.maximum(np.maximum(left, right), 0.0) + np.abs(left - right))
         s = np.where(depth > np.abs(rise), 0.5 * (1.0 - rise / depth), np.where(rise > 0, 0.0, 1.0))
-        bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, rise / h))
+        bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, rise / h, curve))
     return bound
 
 
-def _meeting(g: Vector, h: Vector, slope: Vector) -> Vector:
-    """The height at which the lines through the neighbours of each interval meet in it; inf where they do not."""
+def _meeting(g: Vector, h: Vector, slope: Vector, curve: Vector) -> Vector:
+    """The least height at which lines through the neighbours of each interval may meet in it; inf where they do not.
+
+    `slope`, `curve`: Divided differences of first and second order; shapes (n, guards) and (n - 1, guards).
+    """
     before, after = np.concatenate([-slope[1:2], slope[:-1]]), np.concatenate([slope[1:], -slope[-2:-1]])
     with np.errstate(divide="ignore", invalid="ignore"):
         s = (after - slope) / (after - before)
         inside = (before < 0.0) & (after > 0.0) & (s >= 0.0) & (s <= 1.0)
-        return np.where(inside, g[:-1] + before * s * h, np.inf)
+        if not inside.any():
+            return np.full_like(slope, np.inf)
+        # of the neighbours on each side, without the instants of the interval
+        none = np.zeros((2, g.shape[1]))
+        left, right = np.abs(np.concatenate([none, curve[:-1]])), np.abs(np.concatenate([curve[1:], none]))
+        left[:2], right[-2:] = right[:2], left[-2:]
+        a, b = s * h, (1.0 - s) * h
+        bend = np.maximum(left * a * (a + np.roll(h, 1, axis=0)), right * b * (b + np.roll(h, -1, axis=0)))
+        return np.where(inside, g[:-1] + before * a - bend, np.inf)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""Locates events for solvers that only return their solution at given times.
+"""Locates events: a solver only returns its solution at given times.
 
-A solver is given mesh points, instants at which it returns the solution, and may take a few steps from each to the
+It is given mesh points, instants at which it returns the solution, and may take a few steps from each to the
 next; where it needs more, it stops, and is restarted from there with closer mesh points. So no step ends far from a
 mesh point, whatever the output interval and the length of the run, and only a few mesh points are integrated with
 frozen modes beyond an event and discarded. Where a guard is passed, or may be within the error of its interpolation
@@ -20,35 +20,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
 from acausal.simulate.events.location.arrival import Arrival
-from acausal.simulate.events.location.between import LeftGuards, between, lowest, root
+from acausal.simulate.events.location.between import LeftGuards, lowest, root
+from acausal.simulate.events.location.lingering import Overdue, overdue
+from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.phases import first_swing
+from acausal.simulate.events.location.task import MOST_STEPS, Mesh, Record, Task
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
-from acausal.simulate.solvers.base import on_equations, pace, quadratures_at
+from acausal.simulate.solvers.base import SEARCHED_STEPS, on_equations, pace, quadratures_at
 from acausal.simulate.solvers.segment import Piece, Segment, add_counters
 
 Integrate = Callable[[Regime, Segment], Piece]
-Record = Callable[[Vector, Piece], None]
 
-# The most steps of a solver from one mesh point to the next, the number aimed at, and the most where an interval is
-# integrated again with finer mesh points.
-_MOST_STEPS, _WANTED_STEPS, _MOST_STEPS_AGAIN = 10, 2.0, 400
-# The factor of the tolerance where a crossing is located, and the tightest tolerance that rounding errors permit.
-_STRICTER, _FINEST = 1e-2, 1e-14
+# The number of steps of a solver aimed at from one mesh point to the next, and the most where an interval is integrated
+# again with finer mesh points.
+_WANTED_STEPS, _MOST_STEPS_AGAIN = 2.0, 400
+# The tightest tolerance that rounding errors permit.
+_FINEST = 1e-14
 # The number of parts of an interval with a crossing, how often it is divided, and the number of mesh points of the
 # polynomial whose root is then the instant. A piece that fails is shortened by the first of these factors.
 _DIVISION, _DEEPEST, _NEAREST = 16, 8, 8
 # Iterations of Newton's method for an instant, from this one on only towards the passed side.
 _ONE_SIDED, _MOST_ITERATIONS = 2, 7
-# The largest ratio of the length of a piece to that of the stretch before it.
-_GROWTH = 16.0
 # The factor of the distance of mesh points after a piece that has stopped, and the largest number of its powers after
 # several such pieces in a row.
 _SHRINKAGE, _MOST_SHRINKAGES = 0.2, 3
+# One-step methods end a step at each mesh point, and restart at no cost: the first call of a stretch has few points
+# (`FIRST_POINTS`), each later one twice as many, and a run has at least so many. The least factor by which the distance
+# of mesh points changes from piece to piece, and the one if each of them took a single step.
+_FEWEST_IN_RUN = 64
+_LEAST_CHANGE, _MOST_CHANGE = 0.25, 4.0
+# The horizon of a piece in lengths of the last stretches, and in those of the stretch before it, and the fewest mesh
+# points up to there. One-step methods look less far ahead, which costs them nothing.
+_HORIZON, _GROWTH, _LEAST_POINTS = 8.0, 16.0, 64
+_NEARER = 4.0
 # The number of mesh points at the start of a stretch that are its opening, in which a stop changes `openings`; and the
 # factor by which they are farther apart the next time if there was no stop.
 _OPENING_POINTS, _WIDENING = 16.0, 2.0
@@ -57,62 +65,6 @@ _MOST_FAILURES, _PROGRESS = 100, 1e-6
 _MOST_STEPS_STUCK, _ADVANCE = 20_000, 1e-4
 # The number of parts of a stretch without guards that needs more steps than one call of a solver may take.
 _PARTS = 1000
-
-
-@dataclass(frozen=True, eq=False)
-class _Mesh:
-    """Guards at the mesh points of one piece, after those at its start, row `start`, and up to two before; (n, guards).
-
-    `values` are the guards plus an allowance for those that have just left zero, `head` the first rows without it (for
-    all others it is zero), `judged` those of `LeftGuards.judged`, `least` the lowest values after the start, (guards,).
-    """
-
-    times: Vector
-    head: Vector
-    values: Vector
-    judged: Vector
-    least: Vector
-    start: int
-
-    def plain(self, first: int, last: int) -> Vector:
-        """Values of some rows without the allowance; shape (rows, guards)."""
-        rows = self.values[first:last].copy(order="K")
-        head = self.head[first:last]
-        rows[: len(head)] = head
-        return rows
-
-
-@dataclass
-class _Task:
-    """The rest of a stretch, and the state of its search.
-
-    `finer` are nested intervals that are sampled more finely: where each ends, and the distance of its points [s].
-    """
-
-    segment: Segment
-    moment: Moment
-    band: Vector
-    start: LeftGuards
-    record: Record
-    times: Vector
-    values: Vector
-    largest: Vector
-    quadratures_from: Segment
-    finer: list[tuple[float, float]] = field(default_factory=list)
-    shrink: float = 1.0
-    steps_allowed: int = _MOST_STEPS
-    stops: int = 0
-    tolerance_factor: float = _STRICTER
-    failures: int = 0
-    failures_from: float = 0.0
-    steps_from: float = 0.0
-    steps: float = 0.0
-    is_split: bool = False
-    relations: bytes = b""
-
-
-class _NotDelivered(RuntimeError):
-    """Raised where rows between two mesh points can neither be interpolated nor integrated."""
 
 
 def _needs_more_steps(message: str) -> bool:
@@ -146,17 +98,29 @@ class Search:
         end = float(segment.times[-1])
         while True:
             here = task.segment.start
-            ahead = max(8.0 * gap, _GROWTH * (here - segment.start), 1e-9 * self.span)
+            near = 1.0 if self.solver.multistep else _NEARER
+            ahead = max(_HORIZON / near * gap, _GROWTH / near * (here - segment.start), 1e-9 * self.span)
             marks, part = self._next_part(task, min(end, here + ahead))
             piece = self._attempted(moment.regime, part)
             count = piece.x.shape[1]
             if not count:
                 self._shorten(task, marks, piece.stopped)
                 continue
-            self._note_step(here, float(part.times[count - 1]), piece)
+            self._note_step(task, float(part.times[count - 1]), piece)
             rows = self._mesh_rows(part, count, marks)
             mesh = self._mesh(task, part, piece, rows)
             found = self._swings(task, mesh, piece, rows, self._suspect(task, mesh, piece, rows))
+            late = None
+            if found is None and not (self.solver.multistep or task.finer):
+                piece_values = mesh.values[mesh.start :]
+                late = overdue(
+                    self.guards, task.moment, mesh.times[mesh.start :], piece_values, task.largest, piece, rows
+                )
+            if late is not None:
+                arrival = self._hastened(task, part, piece, mesh, rows, late)
+                if arrival is not None:
+                    return arrival
+                continue
             # without the interval before a failure, as nothing is known of the guards after it
             keep, finer = int(rows[-2]) + 1 if piece.stopped and len(rows) > 2 else count, task.finer[:0]
             if found is not None:
@@ -171,7 +135,7 @@ class Search:
                     return self._arrival(task, mesh, row, part, piece)
             try:
                 self._accept(task, part, piece, mesh, keep)
-            except _NotDelivered as error:  # between closer mesh points they can be interpolated
+            except NotDelivered as error:  # between closer mesh points they can be interpolated
                 self._shorten(task, marks, str(error))
                 continue
             if found is None:
@@ -183,13 +147,18 @@ class Search:
             if task.segment.start >= end:
                 return Arrival(None, self._complete(task, end, task.segment.x), task.segment.z)
 
-    def _note_step(self, start: float, end: float, piece: Piece) -> None:
+    def relax(self, mean_step: float = 0.0) -> None:
         """Set the step over which errors have relaxed, from this and earlier pieces; explicit steps relax none."""
         if not self.solver.explicit:
-            mean_step = pace(start, end, piece.counters)
             self.guards.step = min(self.pace, mean_step) if self.pace and mean_step else self.pace or mean_step
 
-    def _task(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> _Task:
+    def _note_step(self, task: Task, end: float, piece: Piece) -> None:
+        mean_step = pace(task.segment.start, end, piece.counters)
+        self.relax(mean_step)
+        if not (self.solver.multistep or task.finer):
+            self.pace = mean_step or self.pace
+
+    def _task(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> Task:
         count = len(moment.regime.active_set.owners)
         values, rates, noises, leaving = (np.zeros(count, dtype=d) for d in (float, float, float, bool))
         if count:
@@ -202,12 +171,12 @@ class Search:
         start = LeftGuards(segment.start, values, leaving, rates, noises)
         times = np.array([segment.start])
         bare = replace(segment, partial=True, bare=True)
-        task = _Task(bare, moment, band, start, record, times, values[None, :], values, segment)
+        task = Task(bare, moment, band, start, record, times, values[None, :], values, segment)
         task.failures_from = task.steps_from = segment.start
         task.relations = moment.m[self.guards.first :].tobytes()
         return task
 
-    def _rest(self, task: _Task, t: float, x: Vector, z: Vector) -> Truth:
+    def _rest(self, task: Task, t: float, x: Vector, z: Vector) -> Truth:
         """Guards that have come to rest on zero since the stretch began; their noise is added to `task.band`.
 
         A capacitor that discharges through 1e-5 Ohm is empty after a microsecond. Whether its voltage is then 1e-90 or
@@ -220,7 +189,7 @@ class Search:
         task.band = np.where(resting, np.maximum(task.band, 2.0 * LOCATED * noise), task.band)
         return resting
 
-    def _next_part(self, task: _Task, limit: float) -> tuple[Vector, Segment]:
+    def _next_part(self, task: Task, limit: float) -> tuple[Vector, Segment]:
         """The next mesh points, and the segment up to the last of them, with outputs in between if it needs them."""
         segment, problem = task.segment, task.moment.regime.problem
         here, outputs = segment.start, segment.times
@@ -241,12 +210,9 @@ class Search:
             marks = meshing.stepped(here, outputs, limit, segment.step, count)
             return marks, replace(part, times=marks)
         else:
-            spacing = task.shrink * min(self._spacing(task), (limit - here) / 64)
-            first = self._first(task, part, limit - here)
-            length, fractions = meshing.growing(limit - here, first, spacing, meshing.most_points(problem), least)
-            first_step = meshing.first_step_on(fractions, length, first)
-            doublings = math.ceil(math.log2(max(float(fractions[0]) * length / first_step, 16.0))) - 4
-            part = replace(part, first=first_step, step_budget=task.steps_allowed + 4 * math.ceil(doublings / 4))
+            fewest = _LEAST_POINTS if self.solver.multistep else _LEAST_POINTS / _NEARER
+            spacing = min(self._spacing(task), (limit - here) / fewest)
+            length, fractions, part = self._grid(task, part, limit - here, task.shrink * spacing, least)
             until = limit if length == limit - here else here + length
         marks = np.asarray(here + length * fractions)
         marks[-1] = until
@@ -255,18 +221,36 @@ class Search:
         marks, times = meshing.merged(marks, outputs)
         return marks, replace(part, times=times)
 
-    def _spacing(self, task: _Task) -> float:
+    def _grid(
+        self, task: Task, part: Segment, horizon: float, spacing: float, least: float
+    ) -> tuple[float, Vector, Segment]:
+        """How far mesh points of this distance reach [s], their fractions of that, and the part with its first step."""
+        problem = task.moment.regime.problem
+        most = meshing.most_points(problem)
+        if not self.solver.multistep:
+            length, fractions = meshing.growing(
+                horizon, np.inf, min(spacing, self.span / _FEWEST_IN_RUN), min(task.most_points, most), least
+            )
+            first = min(task.shrink * self.pace, length)
+            budget = task.steps_allowed if first else task.steps_allowed + SEARCHED_STEPS - MOST_STEPS
+            return length, fractions, replace(part, first=first, step_budget=budget)
+        first = self._first(task, part, horizon)
+        length, fractions = meshing.growing(horizon, first, spacing, most, least)
+        first_step = meshing.first_step_on(fractions, length, first)
+        doublings = math.ceil(math.log2(max(float(fractions[0]) * length / first_step, 16.0))) - 4
+        budget = task.steps_allowed + 4 * math.ceil(doublings / 4)
+        return length, fractions, replace(part, first=first_step, step_budget=budget)
+
+    def _spacing(self, task: Task) -> float:
         """The distance of the next mesh points [s]; at the start of a stretch that of those with the same relations."""
         if task.segment.start > task.start.time:
             return self.spacing
         return self.openings.get(task.relations, self.spacing)
 
-    def _first(self, task: _Task, part: Segment, horizon: float) -> float:
-        """The first step of a solver [s]; inf for problems without states."""
+    def _first(self, task: Task, part: Segment, horizon: float) -> float:
+        """The first step of a multistep method [s]; inf for problems without states."""
         if not task.moment.regime.problem.n_dynamic:
             return np.inf
-        if self.pace and not self.solver.multistep:
-            return task.shrink * self.pace
         return task.shrink * meshing.first_step(task.moment.regime.problem, part, horizon)
 
     def _solved(self, regime: Regime, segment: Segment) -> Piece:
@@ -284,7 +268,7 @@ class Search:
         except RuntimeError as error:
             return Piece(np.zeros((len(segment.x), 0)), np.zeros((len(segment.z), 0)), {}, str(error))
 
-    def _shorten(self, task: _Task, marks: Vector, message: str) -> None:
+    def _shorten(self, task: Task, marks: Vector, message: str) -> None:
         """Shorten the next piece after a failure without a single row; RuntimeError if it cannot be any shorter."""
         here = task.segment.start
         task.failures += 1
@@ -323,7 +307,7 @@ class Search:
         reached = marks[: np.searchsorted(marks, part.times[count - 1], side="right")]
         return np.searchsorted(part.times[:count], reached)
 
-    def _mesh(self, task: _Task, part: Segment, piece: Piece, rows: NDArray[np.int64]) -> _Mesh:
+    def _mesh(self, task: Task, part: Segment, piece: Piece, rows: NDArray[np.int64]) -> Mesh:
         moment, known = task.moment, len(task.times)
         times, plain = part.times[rows], np.zeros((len(rows), len(task.band)))
         if moment.regime.active_set.owners and len(rows):
@@ -339,9 +323,9 @@ class Search:
         least = values[known:].min(axis=0, initial=np.inf)
         if len(times) > known:
             task.largest = np.maximum(task.largest, np.maximum(values[known:].max(axis=0), -least))
-        return _Mesh(times, head, values, task.start.judged(times, values), least, known - 1)
+        return Mesh(times, head, values, task.start.judged(times, values), least, known - 1)
 
-    def _suspect(self, task: _Task, mesh: _Mesh, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
+    def _suspect(self, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
         """The row at the start of the first interval in which a guard is passed (True) or may be (False), or None."""
         if not task.moment.regime.active_set.owners:
             return None
@@ -362,7 +346,7 @@ class Search:
         return (last - 1, True) if is_passed else None
 
     def _swings(
-        self, task: _Task, mesh: _Mesh, piece: Piece, rows: NDArray[np.int64], found: tuple[int, bool] | None
+        self, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64], found: tuple[int, bool] | None
     ) -> tuple[int, bool] | None:
         """`found`, or an interval up to there in which a phase advances so far that the guards between are unknown."""
         times, until = mesh.times[mesh.start :], len(rows) if found is None else found[0] - mesh.start + 1
@@ -375,7 +359,7 @@ class Search:
         return mesh.start + k, False
 
     def _is_significant(
-        self, task: _Task, mesh: _Mesh, row: int, low: Vector, may_pass: Truth, piece: Piece, rows: NDArray[np.int64]
+        self, task: Task, mesh: Mesh, row: int, low: Vector, may_pass: Truth, piece: Piece, rows: NDArray[np.int64]
     ) -> bool:
         """Whether guards may fall below zero by more than their error in the interval after a row."""
         t, k = float(mesh.times[row]), row - mesh.start
@@ -387,7 +371,22 @@ class Search:
         noise[leaving] /= max(t - task.start.time, float(mesh.times[row + 1]) - t)
         return bool((low < -noise)[may_pass].any())
 
-    def _last_certain(self, task: _Task, mesh: _Mesh, row: int, piece: Piece, rows: NDArray[np.int64]) -> int:
+    def _hastened(
+        self, task: Task, part: Segment, piece: Piece, mesh: Mesh, rows: NDArray[np.int64], late: Overdue
+    ) -> Arrival | None:
+        """Continue before an overdue guard came within its error, where it counts as passed; or the event at once."""
+        if late.entry:
+            row = late.entry - 1
+            self._accept(task, part, piece, mesh, int(rows[row - 1]) + 1 if row else 0)
+            shift = np.where(np.arange(len(task.band)) == late.guard, late.noise, 0.0)
+            task.band, task.values = task.band - shift, task.values - shift
+            return None
+        if task.segment.start == task.start.time:
+            self._accept(task, part, piece, mesh, piece.x.shape[1])
+        t, x = task.segment.start, task.segment.x
+        return Arrival(t, self._complete(task, t, x), task.segment.z)
+
+    def _last_certain(self, task: Task, mesh: Mesh, row: int, piece: Piece, rows: NDArray[np.int64]) -> int:
         """The last row up to this one at which the guards that are passed after it exceed their error.
 
         The error of a component that follows a source is larger between steps of a solver than at their ends, so that a
@@ -403,11 +402,11 @@ class Search:
             row -= 1
         return row
 
-    def _adapt(self, task: _Task, times: Vector, piece: Piece, end: float) -> None:
+    def _adapt(self, task: Task, times: Vector, piece: Piece, end: float) -> None:
         """Adapt the distance of mesh points to the steps of the last piece."""
         if task.finer or not task.moment.regime.active_set.owners or task.segment.step is not None or len(times) < 2:
             return
-        task.shrink, task.steps_allowed = 1.0, _MOST_STEPS
+        task.shrink, task.steps_allowed, task.most_points = 1.0, MOST_STEPS, 2 * task.most_points
         task.stops = task.stops + 1 if piece.stopped else 0
         gaps = np.diff(times)
         last = float(gaps[-2:].max()) if len(gaps) > 1 else float(gaps[-1])
@@ -419,14 +418,18 @@ class Search:
             return
         ramp = int(np.sum(gaps[1:] > 1.5 * gaps[:-1])) + 1
         steps = piece.counters.get("steps", 0.0)
-        rate = max(steps - 3.0 * ramp, 0.02 * len(gaps)) / max(len(gaps) - ramp, 1)
-        self.spacing = last * float(np.clip(_WANTED_STEPS / rate, 0.25, 100.0))
+        if self.solver.multistep:
+            rate = max(steps - 3.0 * ramp, 0.02 * len(gaps)) / max(len(gaps) - ramp, 1)
+            self.spacing = last * float(np.clip(_WANTED_STEPS / rate, 0.25, 100.0))
+        else:  # with one step each, points may be much too close
+            change = _WANTED_STEPS / (steps / len(gaps)) if steps > 1.2 * len(gaps) else _MOST_CHANGE
+            self.spacing = last * max(change, _LEAST_CHANGE)
         if float(times[0]) == task.start.time:
             first_spacing = float(gaps[min(ramp, len(gaps) - 1)])
             self.openings[task.relations] = first_spacing if times[-1] >= end else _WIDENING * first_spacing
-        self.pace = (times[-1] - times[0]) / steps if steps else 0.0
+        self.pace = (times[-1] - times[0]) / steps if steps else self.pace
 
-    def _accept(self, task: _Task, part: Segment, piece: Piece, mesh: _Mesh, keep: int) -> None:
+    def _accept(self, task: Task, part: Segment, piece: Piece, mesh: Mesh, keep: int) -> None:
         """Record the outputs up to the last of the first `keep` rows, and continue from there."""
         if not keep:
             return
@@ -436,7 +439,7 @@ class Search:
         here = float(times[-1])
         passed = int(np.searchsorted(segment.times, here, side="right"))
         due = segment.times[:passed]
-        x, z = self._rows(task, part, piece, due, counters)
+        x, z = outputs(self.integrate, task.moment.regime, segment, part, piece, due, counters)
         self._add_quadratures(task, due, x)
         task.record(due, Piece(x, z, counters))
         task.steps += counters.get("steps", 0.0)
@@ -453,7 +456,7 @@ class Search:
         last = int(np.searchsorted(mesh.times, here)) + 1
         task.times, task.values = mesh.times[max(0, last - 3) : last], mesh.plain(max(0, last - 3), last)
 
-    def _is_located(self, task: _Task, mesh: _Mesh, row: int, width: float) -> bool:
+    def _is_located(self, task: Task, mesh: Mesh, row: int, width: float) -> bool:
         """Whether an interval in which a guard is passed is short enough to take the root of its interpolant.
 
         It is not if all guards that are passed have left zero at the start of the stretch, because the end of a short
@@ -468,12 +471,12 @@ class Search:
             return False
         return not (float(mesh.times[row]) == task.start.time and task.start.leaving[passed].all())
 
-    def _jumps(self, task: _Task, values: Vector) -> Truth:
+    def _jumps(self, task: Task, values: Vector) -> Truth:
         """Guards that are at rest, where they have the value `AT_REST`, at one of these rows; shape (guards,)."""
         rests = self.guards.rests[task.moment.regime.active_set.owner]
         return np.asarray(rests & (np.abs(values) == AT_REST).any(axis=0))
 
-    def _rests(self, task: _Task, mesh: _Mesh, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
+    def _rests(self, task: Task, mesh: Mesh, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
         """Whether all guards that are passed after a row have come to rest there."""
         k = row - mesh.start
         x, z = (task.segment.x, task.segment.z) if k == 0 else (piece.x[:, rows[k - 1]], piece.z[:, rows[k - 1]])
@@ -481,7 +484,7 @@ class Search:
         allowed = task.band.copy()
         return bool((self._rest(task, float(mesh.times[row]), x, z) & (task.band > allowed))[passed].all())
 
-    def _arrival(self, task: _Task, mesh: _Mesh, row: int, part: Segment, piece: Piece) -> Arrival:
+    def _arrival(self, task: Task, mesh: Mesh, row: int, part: Segment, piece: Piece) -> Arrival:
         """Locate the event between two mesh points: by the root of the interpolated guards, then by Newton's method."""
         segment, moment = task.segment, task.moment
         left, right = float(mesh.times[row]), float(mesh.times[row + 1])
@@ -524,7 +527,7 @@ class Search:
                 step *= 4.0
             root = t + step
         due = segment.times[: np.searchsorted(segment.times, t)]
-        earlier = self._rows(task, part, piece, due, counters)
+        earlier = outputs(self.integrate, task.moment.regime, segment, part, piece, due, counters)
         self._add_quadratures(task, due, earlier[0])
         add_counters(counters, piece.counters)
         task.record(due, Piece(*earlier, counters))
@@ -536,50 +539,16 @@ class Search:
     def _up_to(self, part: Segment, t: float) -> Segment:
         """The same segment with `t` as its only row."""
         fractions = None if part.fractions is None else meshing.even(1)
-        return replace(part, times=np.array([t]), fractions=fractions, partial=False, step_budget=None)
+        free = replace(part, times=np.array([t]), fractions=fractions, partial=False, step_budget=None)
+        return replace(free, step_budget=free.most_steps)
 
-    def _rows(
-        self, task: _Task, part: Segment, piece: Piece, due: Vector, counters: dict[str, float]
-    ) -> tuple[Vector, Vector]:
-        """States and algebraic variables at instants `due` of a piece; adds to the counters what is integrated."""
-        segment, regime = task.segment, task.moment.regime
-        problem, n = regime.problem, regime.problem.n_dynamic
-        there = np.searchsorted(part.times[: piece.x.shape[1] - 1], due)
-        if (part.times[there] == due).all():
-            return piece.x[:, there], piece.z[:, there]
-        x, z = np.tile(segment.x[:, None], (1, len(due))), np.tile(segment.z[:, None], (1, len(due)))
-        nodes = np.append(segment.start, part.times[: piece.x.shape[1]])
-        xs, zs = np.hstack([segment.x[:, None], piece.x]), np.hstack([segment.z[:, None], piece.z])
-        nominal = np.concatenate([problem.scale_x, problem.scale_z])
-        values = np.vstack([xs[:n], zs])
-        size = np.abs(values[:, np.searchsorted(nodes, due).clip(1) - 1]).T
-        allowed = segment.tolerances.of(size, nominal)
-        if functions_of(problem.compiled).newton() is not None:
-            allowed[:, n:] = np.inf  # they are solved for below
-        found, good = between(nodes, values.T, due, allowed)
-        x[:n], z[:] = found[:, :n].T, found[:, n:].T
-        if good.any() and len(z):
-            at = np.flatnonzero(good)
-            z[:, at] = on_equations(problem, replace(segment, times=due[at]), x[:, at], z[:, at])
-        if not good.all():
-            at = np.flatnonzero(~good)
-            k = int(np.searchsorted(nodes, due[at[0]])) - 1
-            other = replace(segment, start=float(nodes[k]), times=due[at], x=xs[:, k], z=zs[:, k], first=0.0)
-            try:
-                solved = self.integrate(regime, replace(other, partial=False, step_budget=None, fractions=None))
-            except RuntimeError as error:
-                raise _NotDelivered(str(error)) from None
-            x[:n, at], z[:, at] = solved.x[:n], solved.z
-            add_counters(counters, solved.counters)
-        return x, z
-
-    def _complete(self, task: _Task, t: float, x: Vector) -> Vector:
+    def _complete(self, task: Task, t: float, x: Vector) -> Vector:
         """All states at the end of a stretch, quadratures included."""
         found = x[:, None].copy()
         self._add_quadratures(task, np.array([t]), found)
         return found[:, 0]
 
-    def _add_quadratures(self, task: _Task, times: Vector, x: Vector) -> None:
+    def _add_quadratures(self, task: Task, times: Vector, x: Vector) -> None:
         """Write the quadratures into the states `x` at times after those of the last call."""
         problem = task.moment.regime.problem
         if not problem.compiled.quadratures or not len(times):
@@ -591,7 +560,7 @@ class Search:
             x[quadratures, later] = quadratures_at(problem, replace(task.quadratures_from, times=times[later]))
             task.quadratures_from = replace(task.quadratures_from, start=float(times[-1]), x=x[:, -1])
 
-    def _root(self, mesh: _Mesh, row: int, k: int) -> float:
+    def _root(self, mesh: Mesh, row: int, k: int) -> float:
         """The zero of guard `k` after a row, by the polynomial through the nearest mesh points (`between.root`)."""
         low = max(mesh.start, min(row + 1 - _NEAREST // 2, len(mesh.times) - _NEAREST))
         near = slice(low, low + _NEAREST)

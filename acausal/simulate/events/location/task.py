@@ -1,0 +1,73 @@
+"""The state of a search for an event: what is left of a stretch, and the guards at the mesh points of one piece."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from acausal.arrays import Vector
+from acausal.simulate.events.guards import Moment
+from acausal.simulate.events.location.between import LeftGuards
+from acausal.simulate.solvers.segment import Piece, Segment
+
+Record = Callable[[Vector, Piece], None]
+
+MOST_STEPS = 10
+"""The most steps of a solver from one mesh point to the next."""
+STRICTER = 1e-2
+"""The factor of the tolerance where a crossing is located."""
+FIRST_POINTS = 16
+"""The most mesh points of the first call of a one-step method."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Guards at the mesh points of one piece, after those at its start, row `start`, and up to two before; (n, guards).
+
+    `values` are the guards plus an allowance for those that have just left zero, `head` the first rows without it (for
+    all others it is zero), `judged` those of `LeftGuards.judged`, `least` the lowest values after the start, (guards,).
+    """
+
+    times: Vector
+    head: Vector
+    values: Vector
+    judged: Vector
+    least: Vector
+    start: int
+
+    def plain(self, first: int, last: int) -> Vector:
+        """Values of some rows without the allowance; shape (rows, guards)."""
+        rows = self.values[first:last].copy(order="K")
+        head = self.head[first:last]
+        rows[: len(head)] = head
+        return rows
+
+
+@dataclass
+class Task:
+    """The rest of a stretch, and the state of its search.
+
+    `finer` are nested intervals that are sampled more finely: where each ends, and the distance of its points [s].
+    """
+
+    segment: Segment
+    moment: Moment
+    band: Vector
+    start: LeftGuards
+    record: Record
+    times: Vector
+    values: Vector
+    largest: Vector
+    quadratures_from: Segment
+    finer: list[tuple[float, float]] = field(default_factory=list)
+    shrink: float = 1.0
+    steps_allowed: int = MOST_STEPS
+    stops: int = 0
+    tolerance_factor: float = STRICTER
+    failures: int = 0
+    failures_from: float = 0.0
+    steps_from: float = 0.0
+    steps: float = 0.0
+    is_split: bool = False
+    relations: bytes = b""
+    most_points: int = FIRST_POINTS
