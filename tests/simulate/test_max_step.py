@@ -36,3 +36,21 @@ def test_what_lasts_longer_is_seen(solver: str, native: bool) -> None:
     assert "inside of pulse" in str(blind.stats["notes"])
     assert "inside of pulse" not in str(bound.stats["notes"])
     assert bound.final("y") == pytest.approx(1.0, abs=1e-4)
+
+
+class Turning(Component):
+    x: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.x
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+def test_a_run_has_its_own_longest_step(solver: str) -> None:
+    """No step is longer, whatever earlier runs of the model were compiled for: a second is at least 100 steps."""
+    compiled = acausal.compile(Turning())
+    for longest in (None, 0.01, None):
+        r = acausal.simulate(compiled, solver=solver, native=True, stop_time=1.0, output_interval=1.0, max_step=longest)
+        assert (float(str(r.stats["steps"])) >= 100.0) == (longest is not None)

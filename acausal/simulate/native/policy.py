@@ -279,7 +279,7 @@ class Native:
         if self.wanted is False:
             return None
         used = kind
-        kind = f"{kind}, zero {self.zeros}"
+        kind = f"{kind}, zero {self.zeros}, {details}"  # a longest step is part of the code
         if kind not in memory.ready:
             allowed = self.wanted is True or is_worth_it()
             unavailable = memory.failed if allowed else memory.absent
