@@ -87,6 +87,7 @@ class Hybrid:
     notes: list[str] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     terminated: str | None = None
+    pace: float = 0.0
     history: list[tuple[float, Regime]] = field(default_factory=list)
     _gap: float = np.inf
     _vague: dict[int, int] = field(default_factory=dict)
@@ -103,15 +104,6 @@ class Hybrid:
         self.search = Search(self.guards, self.solver, self._explored, self.span)
         # delayed signals are recorded by integrations that continue to the end of a segment
         self.is_delayed = bool(self.problem.compiled.delays)
-
-    @property
-    def pace(self) -> float:
-        """See `driver.Dynamics`."""
-        return self.search.pace
-
-    @pace.setter
-    def pace(self, step: float) -> None:
-        self.search.pace = step
 
     def _explored(self, regime: Regime, segment: Segment) -> Piece:
         """`explore`, counted: evaluations decide when the event loop is compiled."""
@@ -219,6 +211,7 @@ class Hybrid:
         """Integrate to the next event and execute it, or to the end of the stretch; see `driver.Dynamics`."""
         here, moment, times = position.here, self.reached, stretch.times
         if position.arrived:
+            self.search.pace = self.pace
             self.search.relax()
             return self._execute(here, moment)
         if not position.fresh:
@@ -367,7 +360,9 @@ class Hybrid:
         if self.is_delayed and not moment.regime.active_set.owners:
             reached = Arrival(None, moment.x, moment.z)
         else:
+            self.search.pace = self.pace
             reached = self.search.to_event(segment, moment, self.band(segment.start, moment), self._gap, record)
+            self.pace = self.search.pace
             if reached.time is not None:
                 self._check_size(reached, moment)
         if not self.is_delayed:
