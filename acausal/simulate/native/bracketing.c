@@ -9,7 +9,7 @@
 
 #include <string.h>
 
-#define LOW 0.05
+#define LOW 0.05 /* no tangent is used that leads closer to the left node than this fraction of the interval */
 
 /* A point of the solution: states, and of each guard its distance, its rate, and what counts as zero. */
 struct node {
@@ -17,30 +17,6 @@ struct node {
 };
 
 static double most(double a, double b) { return a > b ? a : b; }
-
-/* The cubic from p at 0 to q at 1 with slopes a and b. */
-struct cubic {
-  double p, a, square, cube, turn[2];
-  int turns;
-};
-
-static double value_of(const struct cubic* c, double s) { return c->p + s * (c->a + s * (c->square + s * c->cube)); }
-
-static struct cubic cubic_of(double p, double a, double q, double b) {
-  struct cubic c;
-  double inside, r, found[2];
-  int k;
-  c.p = p; c.a = a; c.square = 3 * (q - p) - 2 * a - b; c.cube = a + b - 2 * (q - p); c.turns = 0;
-  inside = c.square * c.square - 3 * a * c.cube;
-  if (inside <= 0) return c;
-  r = -(c.square + copysign(sqrt(inside), c.square));
-  found[0] = c.cube != 0 ? r / (3 * c.cube) : 2.0;
-  found[1] = r != 0 ? a / r : 2.0;
-  if (found[1] < found[0]) { double other = found[0]; found[0] = found[1]; found[1] = other; }
-  for (k = 0; k < 2; ++k)
-    if (found[k] > 0 && found[k] < 1) c.turn[c.turns++] = found[k];
-  return c;
-}
 
 /* The first point at which a cubic from p >= 0 to below zero falls below zero. */
 static double first_zero_of(const struct cubic* c) {
@@ -66,28 +42,15 @@ static double next_candidate(long long relations, const struct node* left, const
   long long k;
   for (k = 0; k < relations; ++k) {
     double p = left->above[k], q = right->above[k], a = left->rate[k] * width, b = right->rate[k] * width;
-    double near = most(left->near[k], right->near[k]), least = p < q ? p : q, at = INFINITY;
-    struct cubic c;
+    double near = most(left->near[k], right->near[k]), at = INFINITY;
     if (q < 0) {
       if (is_there) continue;
       if (by_tangent && b < 0 && 1 - q / b > LOW) at = 1 - q / b;
       else {
-        c = cubic_of(p, a, q, b);
+        struct cubic c = cubic_of(p, a, q, b);
         at = first_zero_of(&c);
       }
-    } else {
-      if (a < 0 && b > 0) { /* the tangents meet near zero: a kink */
-        double where = (q - p - b) / (a - b), low = p + a * where;
-        if (low < -near || (low < LOW * (b - a) && least > near)) at = where < 0.02 ? 0.02 : where > 0.98 ? 0.98 : where;
-      }
-      if (at > 1 && (p + a / 3 < -near || q - b / 3 < -near)) { /* a cubic is nowhere below its control points */
-        double lowest = -near;
-        int j;
-        c = cubic_of(p, a, q, b);
-        for (j = 0; j < c.turns; ++j)
-          if (value_of(&c, c.turn[j]) < lowest) { at = c.turn[j]; lowest = value_of(&c, at); }
-      }
-    }
+    } else at = dip_of(p, a, q, b, near);
     if (left->t + width * at < found) found = left->t + width * at;
   }
   return found;

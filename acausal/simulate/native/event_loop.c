@@ -15,7 +15,7 @@
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, ARRIVED = 3, INTERRUPTED = 100 };
 enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, MESH = 2 }; /* purposes of an instant */
-enum { DEEPEST = 60, MOST_POINTS = 400, MOST_STOPS = 20 };
+enum { DEEPEST = 60, MOST_POINTS = 400 };
 #define INSTANT 1e-12 /* instants closer than this fraction of the run, or of the time, coincide: guards.py */
 #define FEW_INSTANTS 2.0 /* an interval this short is not divided where a guard jumps in it */
 #define ROUNDINGS 2e-14
@@ -110,6 +110,7 @@ struct space {
   double step;        /* over which errors of stiff components have relaxed, 0 if unknown */
   double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* point at which guards were evaluated last, and values */
   double *relaxed_noise; /* noises for a step */
+  double *mean_rate;     /* of guards in the last step: crossings.c */
   double known_t, known_step;
   int known; /* 0 nothing, 1 guards, rates and noises, 2 also noises for a step */
   double *regime, *held; /* constants, modes and discrete variables, and the values that they alone determine */
@@ -404,6 +405,10 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   s->run.last = o->last;
   s->run.is_blind = band == o->no_band;
   s->run.distances = from->above;
+  s->run.nears = from->near;
+  memcpy(o->mean_rate, from->rate, (size_t) s->relations * sizeof(double));
+  s->run.rates = o->mean_rate;
+  s->run.looked = 0.0;
 #ifdef STEEP
   if (s->run.sample) ((struct sampler*) s->run.sampler)->start = from->t;
 #endif
@@ -444,18 +449,22 @@ static int step_to(struct event_loop* s, struct space* o, const struct node* fro
   return evaluate_node(s, o, to);
 }
 
-/* A node where the integrator was stopped, computed by a step that ends there, from the start of its last step. */
+/* A node where the integrator was stopped, computed by a step that ends there. Node 0 becomes the start of its last step,
+   up to which no guard is passed: a search from farther away would see less than that step did. */
 static int step_to_stop(struct event_loop* s, struct space* o, double begin, double end, struct node* to) {
   struct node* from = o->node;
   double t = begin + s->run.last_time, first = o->first;
   count_t k;
-  int status;
+  int status, is_passed = 0;
   if (t > from->t && t < end) { /* the last step began after the last row */
     memcpy(to->x, from->x, (size_t) s->states * sizeof(double));
     to->t = t;
     for (k = 0; k < s->dynamic; ++k) to->x[k] = o->last[k] * s->scale[k];
+    if (evaluate_node(s, o, to)) return UNUSUAL;
+    for (k = 0; k < s->relations; ++k) is_passed |= to->above[k] < 0;
+    if (!is_passed) copy_node(s->states, s->relations, to, from);
+    else from = to;
     o->first = end - t;
-    from = to;
   }
   status = step_to(s, o, from, end, to);
   o->first = first;

@@ -50,7 +50,8 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
         ("held", ctypes.c_void_p),
         ("is_blind", ctypes.c_longlong),
-        ("distances", ctypes.c_void_p),
+        *((name, ctypes.c_void_p) for name in ("distances", "nears", "rates")),
+        ("looked", ctypes.c_double),
         ("slopes", ctypes.c_longlong),
     )
 

@@ -52,10 +52,12 @@ struct acausal_run {
   long long doubts; /* number of places that may have been stepped over */
   /* values that parameters, modes and discrete variables alone determine, if they are known */
   const double* held;
-  /* events: whether they are ignored, the guards at the start if known, and whether a call for the guards is to
-     return their slopes along the solution too, or only these */
+  /* events: whether they are ignored; the guards at the start, what counts as zero, and their mean rates in the last step
+     that was looked at, which ended at `looked`; whether a call for the guards is to return their slopes along the
+     solution too, or only these */
   long long is_blind;
-  const double* distances;
+  const double *distances, *nears;
+  double *rates, looked;
   long long slopes;
 };
 /* Check for Ctrl-C, once a second: Python's handlers only run when they are called. */
@@ -223,7 +225,7 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
 def rows(plugin: str) -> str:
     """C for rows inside of steps, to be inserted before an integrator."""
     names = f"#define METHOD casadi_{plugin}\n#define METHOD_DATA struct casadi_{plugin}_data\n"
-    names_of_files = "crossings.c", "steep.c", "rows.c"
+    names_of_files = "dips.c", "crossings.c", "steep.c", "rows.c"
     files = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in names_of_files)
     return "".join((names, _METHODS[plugin], *files))
 

@@ -25,7 +25,7 @@ static void mark_reached(struct event_loop* s, struct space* o, count_t* k) {
 
 /* Integrate from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
 static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t last, int* found) {
-  int stops = 0, status;
+  int status;
   count_t j;
   while (*k <= last) {
     count_t first = *k;
@@ -42,14 +42,12 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
       if (!status) status = search(s, o, instant, found);
       if (status || *found) return status;
       mark_reached(s, o, k);
-      stops = 0;
     }
     if (*k > last) return 0;
-    /* A guard was reached on dense output. A step that ends there shows whether it really is, and otherwise a step that
-       ends where the one of the integrator did, at which it took a guard as passed. */
-    ++stops;
-    t = stop - o->node[0].t > instant && stops < MOST_STOPS ? stop : o->instants[*k];
-    beyond = t == stop ? begin + s->run.last_end : t;
+    /* A guard was reached on dense output, or may be passed there and back. A step that ends there shows whether it is, and
+       otherwise a step that ends where the one of the integrator did. */
+    beyond = begin + s->run.last_end;
+    t = stop - o->node[0].t > instant ? stop : beyond < o->instants[*k] ? beyond : o->instants[*k];
     status = t == stop ? step_to_stop(s, o, begin, t, o->node + 1) : step_to(s, o, o->node, t, o->node + 1);
     if (!status) status = search(s, o, instant, found);
     if (status || *found) return status;
@@ -62,10 +60,7 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
       if (!status) status = search(s, o, instant, found);
       if (status || *found) return status;
     }
-    if (t == o->instants[*k]) {
-      mark_reached(s, o, k);
-      stops = 0;
-    }
+    if (t == o->instants[*k]) mark_reached(s, o, k);
   }
   return 0;
 }
@@ -219,13 +214,13 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
                      r, r, n, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
-                     n, s->modes, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
+                     n, s->modes, r, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach, &o->before_x, &o->before_m,
                       &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
                       &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
-                      &o->relaxed_noise, &o->last, &o->held, &o->regime, &o->nodes};
+                      &o->relaxed_noise, &o->mean_rate, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
     if (memory) *parts[k] = memory + used;
