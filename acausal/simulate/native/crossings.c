@@ -89,7 +89,8 @@ static int acausal_event(struct casadi_ivp_data* d, struct acausal_run* run) {
     d->ev_iter = 0;
     casadi_ivp_event_hermite(d, &crossing); /* stays infinite if no guard was passed */
     dip = acausal_first_dip(d, run, &i);
-    if (dip < crossing) {
+    run->is_dip = dip < crossing;
+    if (run->is_dip) {
       d->ev_fired = i;
       d->t_ev = dip;
       d->ev_dt = p->event_tol;

@@ -449,22 +449,25 @@ static int step_to(struct event_loop* s, struct space* o, const struct node* fro
   return evaluate_node(s, o, to);
 }
 
-/* A node where the integrator was stopped, computed by a step that ends there. Node 0 becomes the start of its last step,
-   up to which no guard is passed: a search from farther away would see less than that step did. */
+/* A node where the integrator was stopped, computed by a step that ends there. If it was stopped where a guard is lowest,
+   node 0 becomes the start of its last step: a search from farther away would see less than that step did. */
 static int step_to_stop(struct event_loop* s, struct space* o, double begin, double end, struct node* to) {
   struct node* from = o->node;
   double t = begin + s->run.last_time, first = o->first;
   count_t k;
-  int status, is_passed = 0;
+  int status;
   if (t > from->t && t < end) { /* the last step began after the last row */
     memcpy(to->x, from->x, (size_t) s->states * sizeof(double));
     to->t = t;
     for (k = 0; k < s->dynamic; ++k) to->x[k] = o->last[k] * s->scale[k];
-    if (evaluate_node(s, o, to)) return UNUSUAL;
-    for (k = 0; k < s->relations; ++k) is_passed |= to->above[k] < 0;
-    if (!is_passed) copy_node(s->states, s->relations, to, from);
-    else from = to;
     o->first = end - t;
+    from = to;
+    if (s->run.is_dip) {
+      int is_passed = 0;
+      if (evaluate_node(s, o, to)) return UNUSUAL;
+      for (k = 0; k < s->relations; ++k) is_passed |= to->above[k] < 0;
+      if (!is_passed) copy_node(s->states, s->relations, to, o->node);
+    }
   }
   status = step_to(s, o, from, end, to);
   o->first = first;

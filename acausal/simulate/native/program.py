@@ -52,7 +52,7 @@ class RunStructure(ctypes.Structure):
         ("is_blind", ctypes.c_longlong),
         *((name, ctypes.c_void_p) for name in ("distances", "nears", "rates")),
         ("looked", ctypes.c_double),
-        ("slopes", ctypes.c_longlong),
+        *((name, ctypes.c_longlong) for name in ("slopes", "is_dip")),
     )
 
 

@@ -58,7 +58,7 @@ struct acausal_run {
   long long is_blind;
   const double *distances, *nears;
   double *rates, looked;
-  long long slopes;
+  long long slopes, is_dip; /* `is_dip`: whether the stop is at the lowest point of a guard */
 };
 /* Check for Ctrl-C, once a second: Python's handlers only run when they are called. */
 static int acausal_stopped(struct acausal_run* run) {
