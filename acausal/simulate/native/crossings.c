@@ -53,7 +53,7 @@ static int acausal_event(struct casadi_ivp_data* d, struct acausal_run* run) {
   casadi_real crossing = INFINITY, dip;
   int any = 0, is_repeated;
   run->slopes = DISTANCES_AND_SLOPES;
-  if (!run->rates || d->ev_phase == IVP_EV_TRIAL || d->ev_phase == IVP_EV_POST) return casadi_ivp_event(d);
+  if (d->ev_phase == IVP_EV_TRIAL || d->ev_phase == IVP_EV_POST) return casadi_ivp_event(d);
   if (d->fail && d->ev_phase != IVP_EV_BEGIN) return casadi_ivp_event_done(d, IVP_EVAL_FAILED);
   switch ((int) d->ev_phase) {
   case IVP_EV_BEGIN:
