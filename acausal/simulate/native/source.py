@@ -52,9 +52,9 @@ struct acausal_run {
   long long doubts; /* number of places that may have been stepped over */
   /* values that parameters, modes and discrete variables alone determine, if they are known */
   const double* held;
-  /* events: whether they are ignored; the guards at the start, what counts as zero, and their mean rates in the last step
-     that was looked at, which ended at `looked`; whether a call for the guards is to return their slopes along the
-     solution too, or only these */
+  /* events: whether they are ignored; the guards at the start, what counts as zero, and their mean rates in the last
+     step that was looked at, which ended at `looked`; whether a call for the guards is to return their slopes along
+     the solution too, or only these */
   long long is_blind;
   const double *distances, *nears;
   double *rates, looked;
