@@ -50,20 +50,20 @@ class InAPlane(_Rotating):
         yield when(square < self.threshold**2, reset(self.count, pre(self.count) + 1))
 
 
-def _distance(kind: type[_Rotating], p: dict[str, float], t: Any) -> Any:
+def _distance(is_on_a_line: bool, p: dict[str, float], t: Any) -> Any:
     x1, x2, y1 = np.cos(p["w1"] * t), np.sin(p["w2"] * t), -np.sin(p["w1"] * t)
-    return np.abs(x1 - p["a"] * x2) if kind is OnALine else np.hypot(x1 - p["a"] * x2, y1 - x2)
+    return np.abs(x1 - p["a"] * x2) if is_on_a_line else np.hypot(x1 - p["a"] * x2, y1 - x2)
 
 
 @cache
-def _cases(kind: type[_Rotating]) -> list[tuple[dict[str, float], int]]:
+def _cases(is_on_a_line: bool) -> list[tuple[dict[str, float], int]]:
     """Parameters, and how often the threshold is passed."""
     rng, t, found = np.random.default_rng(7), np.linspace(0.0, _STOP, 200_001), []
     while len(found) < 8:
         w1, w2 = 10 ** rng.uniform(0.5, 1.7, 2)
         p = {"w1": w1, "w2": w2, "a": rng.uniform(0.3, 1.5)}
-        p["threshold"] = 10 ** rng.uniform(-3, -1) if kind is OnALine else 0.02
-        d = _distance(kind, p, t)
+        p["threshold"] = 10 ** rng.uniform(-3, -1) if is_on_a_line else 0.02
+        d = _distance(is_on_a_line, p, t)
         turns = np.flatnonzero((d[1:-1] - d[:-2]) * (d[2:] - d[1:-1]) <= 0.0) + 1
         above = d > p["threshold"]
         if above[0] and np.abs(d[turns] - p["threshold"]).min() > _CLEAR * _TOLERANCE:
@@ -76,7 +76,7 @@ def _cases(kind: type[_Rotating]) -> list[tuple[dict[str, float], int]]:
 def test_each_pass_is_counted(kind: type[_Rotating], solver: str) -> None:
     """Looking at signs at both ends of a step lost a third of 5302 passes on a line, and 16 of 144 in a plane."""
     model = acausal.compile(kind())
-    for p, passes in _cases(kind):
+    for p, passes in _cases(kind is OnALine):
         for rows in (0.02, _STOP):
             given: dict[str, Any] = {"stop_time": _STOP, "output_interval": rows, "tolerance": _TOLERANCE}
             r = acausal.simulate(model, parameters=p, solver=solver, native=True, **given)
