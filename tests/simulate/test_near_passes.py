@@ -58,7 +58,8 @@ def _distance(is_on_a_line: bool, p: dict[str, float], t: Any) -> Any:
 @cache
 def _cases(is_on_a_line: bool) -> list[tuple[dict[str, float], int]]:
     """Parameters, and how often the threshold is passed."""
-    rng, t, found = np.random.default_rng(7), np.linspace(0.0, _STOP, 200_001), []
+    rng, t = np.random.default_rng(7), np.linspace(0.0, _STOP, 200_001)
+    found: list[tuple[dict[str, float], int]] = []
     while len(found) < 8:
         w1, w2 = 10 ** rng.uniform(0.5, 1.7, 2)
         p = {"w1": w1, "w2": w2, "a": rng.uniform(0.3, 1.5)}
