@@ -23,7 +23,7 @@ from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
-from acausal.simulate.events.location.phases import phases
+from acausal.simulate.events.location.phases import must_be_searched
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library
@@ -78,7 +78,7 @@ def suits_event_loop(problem: Problem, solver: Solver) -> bool:
         # underflows on both sides (1/cosh); a method that evaluates slopes fails there, an explicit one would go on
         and not (solver.explicit and compiled.is_steep)
         # it looks at guards at the ends of steps, within which phases may swing there and back
-        and phases(compiled) is None
+        and not must_be_searched(compiled)
     )
 
 

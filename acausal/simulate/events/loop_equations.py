@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 
 from acausal.simulate.equations.arguments import arguments as steep_arguments
+from acausal.simulate.events.location.phases import turning_rate
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.native.equations import HELD, parametric
 from acausal.simulate.native.event_loop import EventLoopProgram
@@ -73,7 +74,7 @@ def stopping_equations(regime: Regime, zeros: Sequence[int]) -> StoppingEquation
 
     The parameters of the DAE are `[h, shift, band]`, where h depends on `[c, m, d]` alone, with c as in
     `native/equations.py`. Parameters at `zeros` are zero regardless of p. "judged" is
-    `(t, x, h, errors of x) -> (g, dg/dt, noise)` of all guards.
+    `(t, x, h, errors of x) -> (g, dg/dt, noise, rate)`: of all guards, and the largest rate of a phase in them.
     """
     compiled = regime.compiled
     n, nq, nm = compiled.n_dynamic, compiled.quadratures, compiled.n_modes
@@ -91,7 +92,8 @@ def stopping_equations(regime: Regime, zeros: Sequence[int]) -> StoppingEquation
     at, states, errors = ca.SX.sym("at"), ca.SX.sym("states", n + nq), ca.SX.sym("errors", n + nq + compiled.discretes)
     here = at, ca.vertcat(states, d), z, u, with_zeros, m
     rates = regime.active_set.rates.function(*here, errors, z)[:2]
-    judged = [ca.densify(e) for e in (regime.active_set.watch(*here), *rates)]
+    turning = turning_rate(compiled, at, here[1], here[2:])
+    judged = [ca.densify(e) for e in (regime.active_set.watch(*here), *rates, turning)]
     shared: Any = ca.cse([ode, guards, *judged])
     (ode, guards, *judged), symbols, constants = parametric(shared, p, u)
     # once more with modes as parameters: most equations of clutches depend on nothing else

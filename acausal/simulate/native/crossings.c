@@ -74,7 +74,7 @@ static int acausal_event(struct casadi_ivp_data* d, struct acausal_run* run) {
     casadi_copy(d->em, p->ne, d->e1);
     is_repeated = d->t0 != run->looked; /* the rates are those of its first attempt */
     for (i = 0; i < p->ne; ++i) {
-      d->e_mask[i] = d->e0[i] > 0 && d->e1[i] < 0;
+      d->e_mask[i] = d->e0[i] >= 0 && d->e1[i] < 0; /* zero where the last event was */
       if (d->e_mask[i] != 0 || is_repeated || acausal_may_dip(d, run, i)) any = 1;
     }
     if (any) return acausal_distances(d, run, d->t0, CROSSING_LEFT, SLOPES);

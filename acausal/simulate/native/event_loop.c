@@ -23,6 +23,7 @@ enum { DEEPEST = 60, MOST_POINTS = 400 };
 #define BEHIND 1.001
 #define LATE 100
 #define NEVER 1e300
+#define LARGEST_STEP 0.785 /* the largest change of a phase within a step [rad]: phases.py */
 
 typedef long long count_t;
 
@@ -112,6 +113,7 @@ struct space {
   double *relaxed_noise; /* noises for a step */
   double *mean_rate;     /* of guards in the last step: crossings.c */
   double known_t, known_step;
+  double turning; /* the largest rate of a phase where guards were evaluated last [rad/s] */
   int known; /* 0 nothing, 1 guards, rates and noises, 2 also noises for a step */
   double *regime, *held; /* constants, modes and discrete variables, and the values that they alone determine */
   int is_held;
@@ -214,7 +216,7 @@ static int take_guards(const struct event_loop* s, struct space* o, double t, co
   size_t relations = (size_t) s->relations * sizeof(double);
   count_t k;
   if (!is_known(s, o, t, x)) {
-    double* results[3] = {o->known_g, o->known_rate, o->known_noise};
+    double* results[4] = {o->known_g, o->known_rate, o->known_noise, &o->turning};
     o->known = 0;
     if (update_held(s, o, x)) return UNUSUAL;
     take_errors(s, o, x);
@@ -409,6 +411,7 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   memcpy(o->mean_rate, from->rate, (size_t) s->relations * sizeof(double));
   s->run.rates = o->mean_rate;
   s->run.looked = 0.0;
+  s->run.longest = o->turning > 0 ? LARGEST_STEP / o->turning : 0.0;
 #ifdef STEEP
   if (s->run.sample) ((struct sampler*) s->run.sampler)->start = from->t;
 #endif

@@ -50,7 +50,9 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
         ("held", ctypes.c_void_p),
         ("is_blind", ctypes.c_longlong),
-        *((name, ctypes.c_void_p) for name in ("distances", "nears", "rates")),
+        *((name, ctypes.c_void_p) for name in ("distances", "nears")),
+        ("longest", ctypes.c_double),
+        ("rates", ctypes.c_void_p),
         ("looked", ctypes.c_double),
         *((name, ctypes.c_longlong) for name in ("slopes", "is_dip")),
     )

@@ -57,9 +57,12 @@ struct acausal_run {
      the solution too, or only these */
   long long is_blind;
   const double *distances, *nears;
+  double longest; /* step, 0 if there is no bound besides that of the integrator */
   double *rates, looked;
   long long slopes, is_dip; /* `is_dip`: whether the stop is at the lowest point of a guard */
 };
+/* The shorter one of two longest steps, of which 0 is none. */
+static double acausal_shorter(double a, double b) { return a > 0 && (a < b || !(b > 0)) ? a : b; }
 /* Check for Ctrl-C, once a second: Python's handlers only run when they are called. */
 static int acausal_stopped(struct acausal_run* run) {
   long long now = (long long) time(0);
@@ -112,6 +115,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
         "casadi_ivp_reset(&d, 0., 0, 1); d.err_prev = run->past > 0 ? run->past : 1;",
     ),
     (rf"  p\.h_init = {_NUMBER};", "  p.h_init = run->first;"),
+    (rf"  p\.h_max = ({_NUMBER});", r"  p.h_max = acausal_shorter(\g<1>, run->longest);"),
     (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
     (r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);", "acausal_to_row(&d, &rows, run, k);"),
     (

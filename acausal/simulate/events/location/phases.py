@@ -8,8 +8,10 @@ the next, and that of the function within the bounds of its argument, tell where
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -31,6 +33,9 @@ LARGEST_ADVANCE = np.pi / 16
 # The largest logarithmic change of a steep function between two mesh points, and the factor of what lies beyond both;
 # where exponentials and steps have ended; the least size of a denominator, relative to its largest; and any.
 _LARGEST_CHANGE, _TURNS, _FADED, _STEPPED, _LEAST, _FAR = 0.5, 10.0, 40.0, 20.0, 1e-12, 1e100
+# The same where rates depend on the phase: the error control resolves it, unless its part of the rates is small.
+# Compiled loops bound their steps by it (event_loop.c).
+_RESOLVED_ADVANCE = np.pi
 # The fraction of the largest distance of mesh points that is aimed at, and the shortest interval that is divided, in
 # distances of instants that coincide.
 _WITHIN, _FEW = 0.7, 16.0
@@ -41,13 +46,25 @@ _STEEP = {"exp": 0, "tanh": 0, "atan": 0, "cosh": 0, "sinh": 0, "pow": 0, "div":
 
 @dataclass(frozen=True, eq=False)
 class Arguments:
-    """Arguments in the guards of a model on which no rate depends, a function of (t, x, z, u, p, m).
+    """Arguments in the guards of a model: phases, and those of steep functions on which no rate depends.
 
+    `function`, `column`: (t, x, z, u, p, m) -> arguments, shape (n,).
     `operations`: For each its function: that of a phase [rad], or the name of a steep function.
+    `resolved`: For each whether rates depend on it.
     """
 
     function: NarrowFunction
+    column: Any
     operations: tuple[str, ...]
+    resolved: tuple[bool, ...]
+
+    @cached_property
+    def advances(self) -> Vector:
+        """The largest changes of the phases between two mesh points [rad]."""
+        given = zip(self.operations, self.resolved, strict=True)
+        return np.array(
+            [_RESOLVED_ADVANCE if resolved else LARGEST_ADVANCE for op, resolved in given if op in _PERIODIC]
+        )
 
 
 _MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
@@ -67,20 +84,41 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     rates = compiled.solution.structure.rates(compiled.state_variables)
     # what rates depend on is resolved by the error control of the solver
     resolved = _behind(pool, compiled, [*rates, *compiled.solution.residuals], relations)
-    found: dict[tuple[int, str], None] = {}
-    for n in sorted(_behind(pool, compiled, relations, set()) - resolved):
+    found: dict[tuple[int, str], bool] = {}
+    for n in sorted(_behind(pool, compiled, relations, set())):
         op, *operands = pool.nodes[n]
-        if op in _PERIODIC or (op in _STEEP and not _is_low_power(pool, op, operands)):
-            found[operands[_STEEP.get(op, 0)], op] = None
+        if op in _PERIODIC or (n not in resolved and op in _STEEP and not _is_low_power(pool, op, operands)):
+            key = operands[_STEEP.get(op, 0)], op
+            found[key] = found.get(key, True) and n in resolved
     if not found:
         return None
     column = ca.densify(builder.column(builder.replaced([n for n, _ in found])))
     varying = ca.vertcat(*symbols.inputs[:3])
     varies = [k for k in range(column.numel()) if ca.depends_on(column[k], varying)]
-    operations = tuple(op for _, op in found)
     if not varies:
         return None
-    return Arguments(NarrowFunction("phases", symbols.inputs, column[varies]), tuple(operations[k] for k in varies))
+    chosen = [(op, is_resolved) for (_, op), is_resolved in found.items()]
+    operations, are_resolved = zip(*(chosen[k] for k in varies), strict=True)
+    narrow = NarrowFunction("phases", symbols.inputs, column[varies])
+    return Arguments(narrow, ca.Function("arguments", symbols.inputs, [column[varies]]), operations, are_resolved)
+
+
+def must_be_searched(compiled: CompiledModel) -> bool:
+    """Whether guards have arguments on which no rate depends, which steps of a compiled loop do not resolve."""
+    known = phases(compiled)
+    return known is not None and not all(known.resolved)
+
+
+def turning_rate(compiled: CompiledModel, t: Any, x: Any, others: Sequence[Any]) -> Any:
+    """The largest rate of the phases of guards [rad/s] along the solution of an ODE, at (t, x, *others) in SX."""
+    known = phases(compiled)
+    if known is None:
+        return ca.SX(0)
+    column, n = known.column(t, x, *others), compiled.n_dynamic
+    column = column[[k for k, op in enumerate(known.operations) if op in _PERIODIC]]
+    rates = ca.densify(compiled.rhs(t, x, *others)[0])[:n]
+    along = ca.jtimes(column, ca.vertcat(t, x[:n]), ca.vertcat(1, rates))
+    return ca.mmax(ca.fabs(along)) if along.numel() else ca.SX(0)
 
 
 def _is_low_power(pool: Pool, op: str, operands: list[int]) -> bool:
@@ -119,7 +157,8 @@ def first_swing(
     values = found.function.many(times[: until + 1, None], x.T, z.T, problem.u, problem.p, moment.m)
     widths = np.diff(times[: until + 1])
     is_phase = np.array([op in _PERIODIC for op in found.operations])
-    advance = np.abs(np.diff(values[:, is_phase], axis=0)).max(axis=1, initial=0.0) / LARGEST_ADVANCE
+    advance = np.abs(np.diff(values[:, is_phase], axis=0))
+    advance = (advance / found.advances).max(axis=1, initial=0.0)
     steep = [op for op in found.operations if op not in _PERIODIC]
     change = _changes(times[: until + 1], values[:, ~is_phase], steep) if steep else np.zeros(until)
     swung = np.flatnonzero(((advance > 1.0) | (change > _LARGEST_CHANGE)) & (widths > _FEW * shortest))
