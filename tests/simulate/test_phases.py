@@ -185,7 +185,7 @@ class WeakCarrier(Component):
 @pytest.mark.parametrize("native", [False, True])
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
 def test_a_carrier_that_rates_hardly_show_is_resolved(solver: str, native: bool) -> None:
-    """sin(1970 t) has 79 peaks in 0.25 s. Of 314, compiled runs counted 56 to 307 of those above 0.999, interpreted 299."""
+    """sin(1970 t) has 79 peaks in 0.25 s. Of 314, compiled runs counted 56 to 307, interpreted ones 299."""
     model = acausal.compile(WeakCarrier())
     for weight in (1.0, 1e-3, 1e-6):
         given: dict[str, Any] = {"stop_time": 0.25, "output_interval": 0.25, "parameters": {"weight": weight}}
