@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import prod
+from typing import Any
 
 from acausal.errors import DeclarationError
 from acausal.flatten.connections.connections import (
@@ -324,12 +325,12 @@ class _Builder:
     def slopes(self) -> None:
         """Enter the derivatives of overconstrained variables in the pool, once per set of connected frames."""
         classes = {type(instance.component) for instance in self.found}
-        with_rates = {cls: cls.rates for cls in classes if issubclass(cls, Connector) and hasattr(cls, "rates")}
-        for instance in self.found if with_rates else ():
+        stating: dict[type, Any] = {c: getattr(c, "rates", None) for c in classes if issubclass(c, Connector)}
+        for instance in self.found if any(stating.values()) else ():
             cls = type(instance.component)
-            if cls not in with_rates:
+            if not stating.get(cls):
                 continue
-            for equation, _ in run(instance.component, cls.__name__, "rates", with_rates[cls]):
+            for equation, _ in run(instance.component, cls.__name__, "rates", stating[cls]):
                 variable = equation.left.args[0]
                 nodes = self.resolve(variable)
                 if self.pool.nodes[nodes[0]][1] in self.pool.slope:
