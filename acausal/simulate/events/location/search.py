@@ -43,6 +43,8 @@ _FINEST = 1e-14
 # The number of parts of an interval with a crossing, how often it is divided, and the number of mesh points of the
 # polynomial whose root is then the instant. A piece that fails is shortened by the first of these factors.
 _DIVISION, _DEEPEST, _NEAREST = 16, 8, 8
+# Rounding of a guard, in its largest value.
+_ROUNDED = 1e-12
 # Iterations of Newton's method for an instant, from this one on only towards the passed side.
 _ONE_SIDED, _MOST_ITERATIONS = 2, 7
 # The factor of the distance of mesh points after a piece that has stopped, and the largest number of its powers after
@@ -337,13 +339,24 @@ class Search:
             last = mesh.start + 1 + int(np.argmax(below)) if is_passed else last
         if len(task.finer) < _DEEPEST:
             intervals, bounds = lowest(mesh.times[: last + 1], mesh.judged[: last + 1])
-            # the mean rate of a guard that was left slightly above zero is negative where the guard is zero, not passed
-            may_pass = (bounds < 0.0) & (mesh.values[intervals] >= 0.0) & (mesh.values[intervals + 1] >= 0.0)
+            ahead = self._is_ahead(task, mesh)
+            may_pass = (bounds < 0.0) & ahead[intervals] & ahead[intervals + 1]
             for k in np.flatnonzero(may_pass.any(axis=1) & (intervals >= mesh.start)):
                 row = int(intervals[k])
                 if self._is_significant(task, mesh, row, bounds[k], may_pass[k], piece, rows):
                     return row, False
         return (last - 1, True) if is_passed else None
+
+    def _is_ahead(self, task: Task, mesh: Mesh) -> Truth:
+        """Whether guards are not passed yet at mesh points, by their mean rates if they have left zero; (n, guards).
+
+        The mean rate of one that was left above zero by rounding is negative where it is zero again to the last digit.
+        """
+        ahead = mesh.judged >= 0.0
+        if task.start.is_left and not task.finer:
+            since = np.maximum(mesh.times - task.start.time, 0.0)[:, None]
+            ahead |= (mesh.values >= 0.0) & (mesh.judged * since >= -_ROUNDED * task.largest) & task.start.leaving
+        return np.asarray(ahead)
 
     def _swings(
         self, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64], found: tuple[int, bool] | None
