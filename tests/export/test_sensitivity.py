@@ -254,7 +254,7 @@ def test_a_grazed_relation_is_refused_where_its_rate_is_noise(solver: str, metho
     exact = 1e-10 / (2 * 1e-6)
     np.testing.assert_allclose(found(1e-6).of_event_times[:, 0], [-slope, slope], rtol=exact)
     np.testing.assert_allclose(found(1e-6).final[:, 0], [2 * slope], rtol=exact)
-    with pytest.raises(ExportError, match=r"AC615(.|\n)*t = (0\.99999|1\.00000)\d* s(.|\n)*h > ") as caught:
+    with pytest.raises(ExportError, match=r"AC615(.|\n)*t = (0\.99999\d*|1(\.00000\d*)?) s(.|\n)*h > ") as caught:
         found(1e-11)
     assert caught.value.where
 

@@ -69,17 +69,19 @@ def _minima(times: Vector, values: Vector) -> Iterator[tuple[int, int]]:
     before, here, after = values[:-2], values[1:-1], values[2:]
     lowest = (here < before) & (here <= after) & (here > 0.0)
     for i, j in zip(*np.nonzero(lowest), strict=True):
-        if _vertex(times[i : i + 3], values[i : i + 3, j]) < _NEAR * min(before[i, j], after[i, j]):
+        if _vertex(times[i : i + 3], values[i : i + 3, j])[1] < _NEAR * min(before[i, j], after[i, j]):
             yield int(i) + 1, int(j)
 
 
-def _vertex(times: Vector, values: Vector) -> float:
-    """Minimum of the parabola through three points, shapes (3,), of which the middle one is the lowest."""
+def _vertex(times: Vector, values: Vector) -> tuple[float, float]:
+    """Time and minimum of the parabola through three points, shapes (3,), of which the middle one is the lowest."""
     before, after = (times - times[1])[[0, 2]]
     down, up = (values[0] - values[1]) / before, (values[2] - values[1]) / after  # slopes of both sides
     curvature = (up - down) / (after - before)
     slope = up - curvature * after
-    return float(values[1] - slope * slope / (4.0 * curvature)) if curvature > 0.0 else float(values[1])
+    if not curvature > 0.0:
+        return float(times[1]), float(values[1])
+    return float(times[1] - slope / (2.0 * curvature)), float(values[1] - slope * slope / (4.0 * curvature))
 
 
 def _refuse(
@@ -95,13 +97,13 @@ def _refuse(
     k = int(near[np.argmin(values[near, place])])
     at = Moment(x[k, : chain.nx], x[k, chain.nx :], stretch.m, stretch.regime)
     noise = float(guards.rates(float(times[k]), at)[1][place])
-    low = _vertex(times[k - 1 : k + 2], values[k - 1 : k + 2, place])
+    lowest_at, low = _vertex(times[k - 1 : k + 2], values[k - 1 : k + 2, place])
     if low > noise or min(beside[0], beside[2]) <= _AWAY * noise:
         return
     cause = guards.causes[stretch.regime.active_set.owners[place][0]]
     raise ExportError(
         "AC615",
-        f"sensitivities do not take {chain.compiled.name}: at t = {times[k]:.9g} s a relation is only just missed",
+        f"sensitivities do not take {chain.compiled.name}: at t = {lowest_at:.9g} s a relation is only just missed",
         where=() if cause.where is None else (cause.where,),
         evidence=[f"{cause.text}: missed by less than {noise:.3g} in SI units, its error"],
         help="use a tighter tolerance, if it is missed by more than the error of a run; otherwise slightly different "
