@@ -150,12 +150,20 @@ def flatten(
         notes=(*added, *_cuts(all_instances, cuts), *idle_components(pool, all_instances, junctions, equations)),
     )
     check_values(flat, flat.parameter_values)
-    refuse_unstated([i.component for i in all_instances])
-    for instance in all_instances:
-        instance.parts.clear()  # cycles of owners and parts would stay in memory while collection is paused
+    _finish(all_instances)
     if choices or not overrides:  # with choices, a parameter may matter in another structure of the model
         return flat
     return replace(flat, notes=(*flat.notes, *unheard_parameters(flat, overrides)))
+
+
+def _finish(instances: Sequence[Instance]) -> None:
+    """Refuse statements that nobody has yielded, and break the cycles of owners and parts.
+
+    These would stay in memory while garbage collection is paused.
+    """
+    refuse_unstated([i.component for i in instances])
+    for instance in instances:
+        instance.parts.clear()
 
 
 def _connections(stated: Mapping[int, Sequence[Statement]]) -> list[tuple[int, Connection, Origin]]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -114,21 +115,16 @@ def simulate(
         accurate: Result = provided("simulated_to_accuracy")(compiled, accuracy, given, rest, progress)
         return accurate
     opts = options(compiled.flat.experiment, **given)
-    result = _explained(compiled, opts, values or {}, inputs or {}, progress, force)
+    with _naming_infinite(compiled, values or {}):
+        result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
     return _with_remarks(result, _remarks(compiled, result, values or {}, start or {}))
 
 
-def _explained(
-    compiled: CompiledModel,
-    chosen: Options,
-    parameters: Mapping[str, object],
-    inputs: Mapping[str, Any],
-    progress: Progress | None,
-    force: bool,
-) -> Result:
-    """`_result`, whose errors name infinite parameters."""
+@contextmanager
+def _naming_infinite(compiled: CompiledModel, parameters: Mapping[str, object]) -> Iterator[None]:
+    """Name infinite parameters in errors of a run."""
     try:
-        return _result(compiled, chosen, parameters, inputs, progress, force)
+        yield
     except (RunError, InitializationError) as error:
         error.evidence = (*error.evidence, *_infinite(compiled, parameter_vector(compiled, parameters), str(error)))
         raise

@@ -250,9 +250,7 @@ class _Search:
             if self._is_mild(segment, piece, self._rows(segment, piece)):
                 return piece, None
         inside = segment.times if is_last else segment.times[segment.times < reach]
-        refined = segment
-        if not is_last:
-            refined = replace(segment, times=np.append(inside, reach))
+        refined = segment if is_last else replace(segment, times=np.append(inside, reach))
         refined, piece, rows = self._resolved(refined)
         steps = int(piece.counters.get("steps", 0.0))
         if is_long := steps > self._most and bool(rows.is_steep.any()):

@@ -29,13 +29,13 @@ from acausal.simulate.solvers.segment import Piece, Segment
 
 # The largest change of a phase between two mesh points [rad]. With 32 points in each period, the parabolas through them
 # show a peak that exceeds its threshold by 2e-5 of its height; with eight, 4 of 50 were lost that exceed it by 1e-3.
-LARGEST_ADVANCE = np.pi / 16
+_LARGEST_ADVANCE = np.pi / 16
+# The same where rates depend on the phase: the error control resolves it, unless its part of the rates is small.
+# Compiled loops bound their steps by an eighth of a period (event_loop.c).
+_RESOLVED_ADVANCE = np.pi
 # The largest logarithmic change of a steep function between two mesh points, and the factor of what lies beyond both;
 # where exponentials and steps have ended; the least size of a denominator, relative to its largest; and any.
 _LARGEST_CHANGE, _TURNS, _FADED, _STEPPED, _LEAST, _FAR = 0.5, 10.0, 40.0, 20.0, 1e-12, 1e100
-# The same where rates depend on the phase: the error control resolves it, unless its part of the rates is small.
-# Compiled loops bound their steps by it (event_loop.c).
-_RESOLVED_ADVANCE = np.pi
 # The fraction of the largest distance of mesh points that is aimed at, and the shortest interval that is divided, in
 # distances of instants that coincide.
 _WITHIN, _FEW = 0.7, 16.0
@@ -63,7 +63,7 @@ class Arguments:
         """The largest changes of the phases between two mesh points [rad]."""
         given = zip(self.operations, self.resolved, strict=True)
         return np.array(
-            [_RESOLVED_ADVANCE if resolved else LARGEST_ADVANCE for op, resolved in given if op in _PERIODIC]
+            [_RESOLVED_ADVANCE if resolved else _LARGEST_ADVANCE for op, resolved in given if op in _PERIODIC]
         )
 
 
