@@ -199,3 +199,17 @@ def test_a_guard_passed_again_and_again_within_its_error_is_refused() -> None:
     assert abs(result.final("h")) < tolerance
     assert 2.0 < result.time[-1] < 3.0
     assert "where(self.h > 0.0, -sqrt(self.h), sqrt(-self.h))" in str(caught.value), "the place in the source"
+
+
+@pytest.mark.slow
+def test_a_compiled_run_within_the_error_of_a_guard_ends_soon() -> None:
+    """h == max(1 - t/2, 0)**2. At zero the guard was passed and the pass withdrawn at a hundredth of the tolerance, in
+    turn, for minutes; the steps on the way to 2 s are fewer than a thousand.
+    """
+    tolerance = 1e-6
+    with pytest.raises(EventError, match=r"AC501(.|\n)*h > 0") as caught:
+        acausal.simulate(BothRoots(), stop_time=10.0, solver="rosenbrock", tolerance=tolerance, native=True)
+    result = caught.value.result
+    assert result is not None
+    assert np.abs(result["h"] - np.maximum(1.0 - result.time / 2.0, 0.0) ** 2).max() < tolerance
+    assert result.stats["steps"] < 300_000

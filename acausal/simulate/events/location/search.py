@@ -27,7 +27,8 @@ from acausal.simulate.events.location.between import LeftGuards, lowest, root
 from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.phases import first_swing
-from acausal.simulate.events.location.task import MOST_STEPS, Mesh, Record, Task
+from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task
+from acausal.simulate.events.location.withdrawn import Withdrawn
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import SEARCHED_STEPS, on_equations, pace, quadratures_at
@@ -128,7 +129,11 @@ class Search:
             if found is not None:
                 row, passed = found
                 left, right = float(mesh.times[row]), float(mesh.times[row + 1])
+                # what lies beyond is computed again: no more of it than is used
+                task.most_points = max(FIRST_POINTS, 2 ** (row - mesh.start).bit_length())
                 if passed and not task.finer:
+                    at = self._at(task, mesh, row, piece, rows)
+                    task.withdrawn.add(self.guards, left, at, mesh.values[row + 1] < 0.0)
                     left = float(mesh.times[self._last_certain(task, mesh, row, piece, rows)])
                 keep = int(np.searchsorted(part.times[:count], left, side="right"))
                 if not passed or not self._is_located(task, mesh, row, right - left):
@@ -173,7 +178,7 @@ class Search:
         start = LeftGuards(segment.start, values, leaving, rates, noises)
         times = np.array([segment.start])
         bare = replace(segment, partial=True, bare=True)
-        task = Task(bare, moment, band, start, record, times, values[None, :], values, segment)
+        task = Task(bare, moment, band, start, record, times, values[None, :], values, segment, Withdrawn(values))
         task.failures_from = task.steps_from = segment.start
         task.relations = moment.m[self.guards.first :].tobytes()
         return task
@@ -324,7 +329,9 @@ class Search:
         values[: len(near)] += near
         least = values[known:].min(axis=0, initial=np.inf)
         if len(times) > known:
-            task.largest = np.maximum(task.largest, np.maximum(values[known:].max(axis=0), -least))
+            highest = values[known:].max(axis=0)
+            task.withdrawn.reach(highest)
+            task.largest = np.maximum(task.largest, np.maximum(highest, -least))
         return Mesh(times, head, values, task.start.judged(times, values), least, known - 1)
 
     def _suspect(self, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64]) -> tuple[int, bool] | None:
@@ -371,15 +378,21 @@ class Search:
         self.spacing = min(self.spacing, spacing)
         return mesh.start + k, False
 
+    def _at(self, task: Task, mesh: Mesh, row: int, piece: Piece, rows: NDArray[np.int64]) -> Moment:
+        """The moment at a row of the mesh of a piece."""
+        if row == mesh.start:
+            return replace(task.moment, x=task.segment.x, z=task.segment.z)
+        k = rows[row - mesh.start - 1]
+        return replace(task.moment, x=piece.x[:, k], z=piece.z[:, k])
+
     def _is_significant(
         self, task: Task, mesh: Mesh, row: int, low: Vector, may_pass: Truth, piece: Piece, rows: NDArray[np.int64]
     ) -> bool:
         """Whether guards may fall below zero by more than their error in the interval after a row."""
-        t, k = float(mesh.times[row]), row - mesh.start
+        t = float(mesh.times[row])
         if float(mesh.times[row + 1]) - t <= _DIVISION * meshing.resolution(t, self.span):
             return False
-        x, z = (task.segment.x, task.segment.z) if k == 0 else (piece.x[:, rows[k - 1]], piece.z[:, rows[k - 1]])
-        noise = 2.0 * self.guards.rates(t, replace(task.moment, x=x, z=z))[1]
+        noise = 2.0 * self.guards.rates(t, self._at(task, mesh, row, piece, rows))[1]
         leaving = task.start.leaving
         noise[leaving] /= max(t - task.start.time, float(mesh.times[row + 1]) - t)
         return bool((low < -noise)[may_pass].any())
@@ -407,8 +420,7 @@ class Search:
         """
         passed = mesh.values[row + 1] < 0.0
         while row > mesh.start:
-            x, z = (v[:, rows[row - mesh.start - 1]] for v in (piece.x, piece.z))
-            at = replace(task.moment, x=x, z=z)
+            at = self._at(task, mesh, row, piece, rows)
             noise = self.guards.rates(float(mesh.times[row]), at, between=True)[1]
             if (mesh.values[row] > noise)[passed].all():
                 break
@@ -491,11 +503,9 @@ class Search:
 
     def _rests(self, task: Task, mesh: Mesh, row: int, piece: Piece, rows: NDArray[np.int64]) -> bool:
         """Whether all guards that are passed after a row have come to rest there."""
-        k = row - mesh.start
-        x, z = (task.segment.x, task.segment.z) if k == 0 else (piece.x[:, rows[k - 1]], piece.z[:, rows[k - 1]])
-        passed = mesh.values[row + 1] < 0.0
+        at, passed = self._at(task, mesh, row, piece, rows), mesh.values[row + 1] < 0.0
         allowed = task.band.copy()
-        return bool((self._rest(task, float(mesh.times[row]), x, z) & (task.band > allowed))[passed].all())
+        return bool((self._rest(task, float(mesh.times[row]), at.x, at.z) & (task.band > allowed))[passed].all())
 
     def _arrival(self, task: Task, mesh: Mesh, row: int, part: Segment, piece: Piece) -> Arrival:
         """Locate the event between two mesh points: by the root of the interpolated guards, then by Newton's method."""

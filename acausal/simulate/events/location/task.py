@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from acausal.arrays import Vector
 from acausal.simulate.events.guards import Moment
 from acausal.simulate.events.location.between import LeftGuards
+from acausal.simulate.events.location.withdrawn import Withdrawn
 from acausal.simulate.solvers.segment import Piece, Segment
 
 Record = Callable[[Vector, Piece], None]
@@ -59,6 +60,7 @@ class Task:
     values: Vector
     largest: Vector
     quadratures_from: Segment
+    withdrawn: Withdrawn
     finer: list[tuple[float, float]] = field(default_factory=list)
     shrink: float = 1.0
     steps_allowed: int = MOST_STEPS
