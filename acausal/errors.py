@@ -241,7 +241,8 @@ def nearest(name: str, names: Sequence[str], count: int = 3) -> list[str]:
 
     tail = name.rsplit(".", 1)[-1]
     same_tail = [n for n in names if n.rsplit(".", 1)[-1] == tail]
-    close = difflib.get_close_matches(name, names, n=count, cutoff=0.6)
+    same_letters = [n for n in names if n.lower() == name.lower()]
+    close = same_letters + difflib.get_close_matches(name, names, n=count, cutoff=0.6)
     by_tail = {n.rsplit(".", 1)[-1]: n for n in reversed(names)}
     close += [by_tail[t] for t in difflib.get_close_matches(tail, list(by_tail), n=count, cutoff=0.6)]
     return list(dict.fromkeys(same_tail[:count] + close))[:count]

@@ -243,6 +243,8 @@ def convert(text: str, unit: str) -> float:
     if match is None:
         raise UnitError("AC152", f'"{text}" is not a number with an optional unit', help=_accepted(unit))
     digits, suffix = match.group(1), match.group(2).strip()
+    if re.match(r",\d", suffix):
+        raise UnitError("AC152", f'"{text}" has a decimal comma', help=f"write {digits}.{suffix[1:]}")
     value = float(digits)
     result = value if not suffix or suffix == unit.strip() else _converted(digits, suffix, unit)
     if math.isinf(result) and "inf" not in digits:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -10,11 +11,14 @@ from matplotlib.collections import PatchCollection
 from typer.testing import CliRunner
 
 import acausal
+from acausal.analyse.blocks.solve import BlockKind
 from acausal.cli.main import app
 from acausal.errors import UsageError
 from acausal.lower.compiled import CompiledModel
+from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_ladder import RCLadder
+from acausal.plot import structure
 from acausal.plot.structure import pattern, spy
 
 
@@ -50,6 +54,15 @@ def test_two_panels_hold_every_entry(compiled: CompiledModel) -> None:
     frames = [c for c in after.collections if isinstance(c, PatchCollection)]
     assert sum(len(c.get_paths()) for c in frames) == sum(size > 1 for _, size, _ in found.blocks)
     assert "blocks" in after.get_title()
+
+
+def test_every_kind_of_block_has_a_colour_and_a_name() -> None:
+    """A drill in a plate has blocks that are iterated inside the equations, which the pendulums above do not have."""
+    assert set(structure._COLOR) == set(structure._MEANING) == set(get_args(BlockKind))
+    drill = acausal.compile(ThickBlock())
+    assert "monotone" in {kind for *_, kind in pattern(drill).blocks}
+    (legend,) = spy(drill).legends
+    assert any("iterated inside the equations" in text.get_text() for text in legend.get_texts())
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])

@@ -262,3 +262,9 @@ def test_cycles_are_not_taken_for_radians(text: str, unit: str) -> None:
 )
 def test_what_is_neither_is_taken_as_the_si_has_it(text: str, unit: str, value: float) -> None:
     assert convert(text, unit) == pytest.approx(value, rel=1e-12)
+
+
+def test_a_decimal_comma_is_named() -> None:
+    with pytest.raises(UnitError, match="decimal comma") as caught:
+        convert("1,5 kg", "kg")
+    assert caught.value.help == "write 1.5 kg"

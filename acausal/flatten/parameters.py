@@ -247,6 +247,14 @@ def _violation(flat: FlatSystem, demand: FlatAssert, values: Sequence[float]) ->
     )
 
 
+# What to do instead of setting a value that is no parameter.
+_INSTEAD = {
+    Kind.STRUCTURAL: "a structural value decides which equations there are: give it where the component is made",
+    Kind.PART: "set its parameters one by one, as in {path}.m=...",
+    Kind.INPUT: "drive it: inputs={{'{path}': ...}}, or --input {path}=...; --free {path} first if a source drives it",
+}
+
+
 def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Instance]) -> None:
     """Refuse values for names that are no parameters (AC020), with the nearest names."""
     if not overrides:
@@ -262,12 +270,10 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
             continue
         if path in kinds:
             kind = kinds[path]
-            help_ = (
-                "a structural value decides which equations there are: give it where the component is made"
-                if kind is Kind.STRUCTURAL
-                else "only parameters can be set; start values are given in the model"
-            )
-            raise UsageError("AC021", f"{path} is a {kind.value}, not a parameter", help=help_)
+            help_ = _INSTEAD.get(kind, "give its start value: start={{'{path}': ...}}, or --start {path}=...")
+            article = "an" if kind.value[0] in "aeio" else "a"
+            fact = f"{path} is {article} {kind.value}, not a parameter"
+            raise UsageError("AC021", fact, help=help_.format(path=path))
         raise UsageError(
             "AC020",
             f"there is no parameter '{path}'",

@@ -237,7 +237,7 @@ class CasadiModel:
         Raises
         ------
         UsageError
-            AC012 if the file cannot be written.
+            AC012 if the file cannot be written, AC013 for another suffix than `.casadi`.
         """
         provided("save_casadi")(self, path)
 

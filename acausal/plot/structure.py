@@ -14,14 +14,22 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
+from acausal.analyse.blocks.solve import BlockKind
 from acausal.lower.compiled import CompiledModel
 from acausal.plot.plot import Drawing, check_picture, save
 
 # Okabe and Ito's palette, as for curves; explicit blocks, the most common ones, are grey.
-_COLOR = {"explicit": "0.25", "linear": "#0072B2", "torn": "#D55E00", "dae": "#CC79A7"}
-_MEANING = {
+_COLOR: Mapping[BlockKind, str] = {
+    "explicit": "0.25",
+    "linear": "#0072B2",
+    "monotone": "#009E73",
+    "torn": "#D55E00",
+    "dae": "#CC79A7",
+}
+_MEANING: Mapping[BlockKind, str] = {
     "explicit": "solved one by one",
     "linear": "linear, solved symbolically",
+    "monotone": "monotone, iterated inside the equations",
     "torn": "nonlinear, torn",
     "dae": "left to the DAE solver",
 }
@@ -40,7 +48,7 @@ class Pattern:
     # `row_place`, `column_place`: shape (size,), position of each equation and unknown in the solving order.
     row_place: NDArray[np.int64]
     column_place: NDArray[np.int64]
-    blocks: tuple[tuple[int, int, str], ...]  # (first position, size, kind) of every block
+    blocks: tuple[tuple[int, int, BlockKind], ...]  # (first position, size, kind) of every block
 
     @property
     def size(self) -> int:
@@ -116,7 +124,7 @@ def _panel(ax: Axes, rows: NDArray[np.int64], columns: NDArray[np.int64], size: 
         spine.set_edgecolor("0.6")
 
 
-def _outline(ax: Axes, blocks: Sequence[tuple[int, int, str]]) -> None:
+def _outline(ax: Axes, blocks: Sequence[tuple[int, int, BlockKind]]) -> None:
     """Frames around blocks of more than one unknown, and around single ones that are iterated."""
     shown = [b for b in blocks if b[1] > 1 or b[2] != "explicit"]
     shown = sorted(shown, key=lambda b: -b[1])[:_MOST_OUTLINES]
@@ -127,7 +135,7 @@ def _outline(ax: Axes, blocks: Sequence[tuple[int, int, str]]) -> None:
         )
 
 
-def _legend(blocks: Sequence[tuple[int, int, str]]) -> list[Patch]:
+def _legend(blocks: Sequence[tuple[int, int, BlockKind]]) -> list[Patch]:
     counts: Mapping[str, list[int]] = {kind: [s for _, s, k in blocks if k == kind] for kind in _COLOR}
     return [
         Patch(facecolor=_COLOR[kind], alpha=1.0 if kind == "explicit" else 0.5, label=f"{len(sizes)} {_MEANING[kind]}")

@@ -168,7 +168,7 @@ class Result:
             help=(
                 f"the run computed only what the outputs {', '.join(map(str, outputs[:4]))} need: add it to outputs"
                 if isinstance(outputs := self.stats.get("outputs"), tuple) and outputs
-                else f"the names of all {len(self.names)} signals are in result.names"
+                else f"the names of all {len(self.names)} signals are in result.names; acausal plot FILE lists them"
             ),
         )
 

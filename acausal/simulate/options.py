@@ -107,8 +107,10 @@ def options(
         native=native,
     )
     checks = (
+        (math.isfinite(start), f"start_time {start:g} s is not a finite time"),
+        (math.isfinite(stop), f"stop_time {stop:g} s is not a finite time"),
         (
-            math.isfinite(start) and math.isfinite(stop) and stop > start,
+            stop > start,
             f"stop_time {stop:g} s is not after start_time {start:g} s",
         ),
         (chosen.output_interval > 0, f"output_interval {chosen.output_interval:g} s is not positive"),

@@ -8,7 +8,6 @@ one of them has a positive real part all the time, while errors grow only in pro
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -28,6 +27,7 @@ from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.options import options as run_options
 from acausal.simulate.step_limit.state_matrix import StateMatrix
+from acausal.study.repeated import unheard
 from acausal.study.stability.trajectory import points
 
 # Number of parts of a run.
@@ -128,13 +128,8 @@ def _traced(
     )
     p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, run_as.get("inputs") or {})
     run = Run(compiled, opts, p, Inputs(u), None, traced=True)
-    log = logging.getLogger("acausal")
-    level = log.level
-    log.setLevel(logging.ERROR)  # messages of this run repeat those of the studied one
-    try:
+    with unheard():
         return run, run.result()
-    finally:
-        log.setLevel(level)
 
 
 def _maps(chain: Chain, n: int, span: float, fastest: float) -> tuple[Vector, list[Vector]]:

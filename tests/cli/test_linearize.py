@@ -71,11 +71,25 @@ def test_what_is_shown() -> None:
     assert "-0.5 +- 9.98749i" in outcome.out
 
 
+def test_states_take_units_and_are_printed_with_theirs() -> None:
+    """At rest at 90 degrees, a pendulum is in its upper position here: eigenvalues +-sqrt(m g l/(I + m l^2))."""
+    outcome = run("linearize", "Pendulum", "--state", "revolute.phi=90deg")
+    assert outcome.code == 0, outcome.err
+    assert "1.5708 rad  0 rad/s" in outcome.out
+    assert f"{math.sqrt(9.80665 * 0.5 / (0.001 + 0.25)):.6g}" in outcome.out
+
+
+def test_an_undamped_mode_has_no_negative_zero() -> None:
+    outcome = run("linearize", "UndampedOscillator", "--json")
+    assert [math.copysign(1.0, e["damping"]) for e in outcome.json["eigenvalues"]] == [1.0, 1.0]
+
+
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
         (["--state", "x"], "AC009"),
         (["--state", "y=1"], "AC010"),
+        (["--state", "x=1kg"], "AC151"),
         (["--outputs", "y"], "AC010"),
         (["--input", "g=1"], "AC033"),
         (["--at", "-1"], "AC011"),

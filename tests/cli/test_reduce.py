@@ -59,3 +59,15 @@ def test_contacts_that_leave_traces_are_not_reduced() -> None:
     assert found.code == 2
     assert "AC027" in found.err
     assert "drill - plate1 may leave several holes" in found.err
+
+
+def test_messages_of_the_timed_runs_are_not_repeated() -> None:
+    """Each model runs three times with --repeat 2; what a run says at its rest is said once for each model."""
+    outcome = run("reduce", "BouncingBall", "--outputs", "h", "--repeat", "2")
+    assert outcome.code == 0, outcome.err
+    assert outcome.err.count("at rest from") <= 2
+
+
+def test_a_wrong_time_is_an_error_and_no_failed_comparison() -> None:
+    outcome = run("reduce", "Pendulum", "--outputs", "revolute.phi", "--stop-time", "-1")
+    assert (outcome.code, "AC030" in outcome.err) == (2, True)

@@ -103,7 +103,7 @@ def test_structural_values_become_constructor_arguments() -> None:
         (Oscillator, "m=", "AC003", "path=value"),
         (Oscillator, "spring.d=3", "AC020", "damper.d"),
         (Oscillator, "spring=3", "AC021", "part"),
-        (Oscillator, "mass.s=3", "AC021", "variable"),
+        (Oscillator, "mass.s=3", "AC021", "--start mass.s"),
         (Oscillator, "m=-1", "AC136", "limits"),
         (Oscillator, "m=nan", "AC152", "number"),
         (Oscillator, "m=3m", "AC151", "kg"),

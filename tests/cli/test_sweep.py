@@ -77,6 +77,7 @@ def test_failed_members_are_told_and_resumed_ones_not_run_again(folder: Path) ->
         (("--vary", "k=1m:2m:3"), "AC15"),
         (("--vary", "k=2:1:3"), "AC060]: --vary k=2:1:3: "),
         (("--vary", "k=1,2", "--vary", "k=3"), "AC009"),
+        (("--vary", "k=1,2", "--set", "k=3"), "AC060"),
         (("--vary", "q=1,2"), "AC020"),
         (("--vary", "k=1,2", "-o", "x.mat"), "AC013"),
         (("--vary", "k=1,2", "--table", "x.mat"), "AC013"),

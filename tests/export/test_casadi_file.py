@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, UsageError
 from acausal.export.casadi.casadi_file import VERSION
 from acausal.lower.casadi_model import CasadiModel
 from acausal.models.drilling_dynamic import ThickBlock
@@ -72,9 +72,18 @@ def test_infinite_limits_and_derivatives_survive(tmp_path: Path) -> None:
 
 def test_the_same_model_gives_the_same_bytes(tmp_path: Path) -> None:
     """Files can be compared and kept under version control."""
-    for name in ("a", "b"):
+    for name in ("a.casadi", "b.casadi"):
         acausal.compile(Slider()).casadi().save(tmp_path / name)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    assert (tmp_path / "a.casadi").read_bytes() == (tmp_path / "b.casadi").read_bytes()
+
+
+def test_another_suffix_is_refused_and_the_file_there_is_kept(tmp_path: Path) -> None:
+    """An archive written over `model.py` would destroy the source of the model."""
+    source = tmp_path / "slider.py"
+    source.write_text("# a model\n")
+    with pytest.raises(UsageError, match="AC013"):
+        acausal.compile(Slider()).casadi().save(source)
+    assert source.read_text() == "# a model\n"
 
 
 def test_unwritable_place_leaves_nothing(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from acausal.analyse.analyse import Structure
 from acausal.analyse.blocks.elimination import Eliminated, eliminate, safety
@@ -22,12 +22,15 @@ from acausal.errors import StructureError
 from acausal.structure import Block, Incidence, tear
 
 
+BlockKind = Literal["explicit", "linear", "monotone", "torn", "dae"]
+
+
 class BlockReport(NamedTuple):
-    """One block: all unknowns, the iterated ones, and its kind "explicit", "linear", "monotone", "torn" or "dae"."""
+    """One block: all unknowns, the iterated ones, and its kind."""
 
     unknowns: tuple[int, ...]
     iterated: tuple[int, ...]
-    kind: str
+    kind: BlockKind
 
 
 @dataclass(frozen=True)

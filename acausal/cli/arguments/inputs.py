@@ -41,10 +41,10 @@ def inputs_of(model: Component, texts: Sequence[str] | None, interpolation: str)
     return found
 
 
-def starts_of(model: Component, texts: Sequence[str] | None) -> dict[str, float]:
-    """Start values by path in SI, from texts PATH=VALUE."""
+def numbers_of(flag: str, model: Component, texts: Sequence[str] | None) -> dict[str, float]:
+    """Numbers by path in SI, from texts PATH=VALUE of the option `flag`, with units or without."""
     declared = declarations(model) if texts else {}
-    return {name: _number("--start", name, value, declared) for name, value in _assignments("--start", texts)}
+    return {name: _number(flag, name, value, declared) for name, value in _assignments(flag, texts)}
 
 
 def _number(flag: str, name: str, value: str, declared: Mapping[str, Declaration]) -> float:

@@ -68,7 +68,7 @@ def _unknown(reference: str) -> UsageError:
     return UsageError(
         "AC001",
         f"there is no model '{reference}'",
-        evidence=evidence or [f"shipped are {', '.join(names)}"],
+        evidence=evidence,
         help=f"give {_FORMS}" + (f"; acausal info {parts[0]} shows a component" if parts else ""),
     )
 

@@ -67,15 +67,6 @@ def prepare(cls: type[Component], assignments: Sequence[str] = (), freed: Sequen
     return Prepared(model, _values(model, numeric) if numeric else {}, structural)
 
 
-def numbers_of(flag: str, given: Sequence[str] | None, model: Component | None = None) -> dict[str, float]:
-    """Numbers by name, from texts NAME=VALUE, in SI; units are allowed if `model` declares one. Errors name `flag`."""
-    found = {}
-    for name, value in values_of(flag, given).items():
-        declared = type(model)._declarations.get(name.partition("[")[0]) if model is not None else None
-        found[name] = number_in(flag, f"{name}={value}", value, declared)
-    return found
-
-
 def values_of(flag: str, given: Sequence[str] | None) -> dict[str, str]:
     """The values of texts NAME=VALUE as texts, by name."""
     for text in given or ():

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.arguments import options
-from acausal.cli.arguments.inputs import inputs_of, starts_of
+from acausal.cli.arguments.inputs import inputs_of, numbers_of
 from acausal.cli.arguments.outputs import check_picture, check_result_file
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare, seconds_of
@@ -88,7 +88,7 @@ def simulate(
     asked["max_step"] = max_step
     times = {name: seconds_of(name, time) for name, time in asked.items()}
     given = inputs_of(prepared.model, inputs, interpolation)
-    starts = starts_of(prepared.model, start)
+    starts = numbers_of("--start", prepared.model, start)
     if real_time_factor and any(not isinstance(v, float) for v in given.values()):
         raise UsageError("AC009", "--real-time-factor takes constant inputs only")
     from acausal.lower.compile import compile

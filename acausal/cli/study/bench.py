@@ -12,8 +12,9 @@ import typer
 from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
 from acausal.cli.arguments.outputs import check_picture, check_writable
+from acausal.cli.arguments.inputs import numbers_of
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
+from acausal.cli.arguments.settings import listed, prepare, seconds_of
 from acausal.cli.output.report import record, remark, say, seconds, table
 from acausal.errors import UsageError
 
@@ -100,7 +101,7 @@ def bench(
         reference=reference,
         variables=listed(signals) or None,
         parameters=prepared.parameters,
-        inputs=numbers_of("--input", inputs, prepared.model),
+        inputs=numbers_of("--input", prepared.model, inputs),
         repeat=repeat,
         time_limit=time_limit,
         native=native,

@@ -52,6 +52,10 @@ def casadi(
     """
     cls = find_model(model)
     target = output_file or Path(f"{cls.__name__}.casadi")
+    from acausal.export.casadi.casadi_file import SUFFIXES
+    from acausal.result.files import check_suffix
+
+    check_suffix(target, SUFFIXES, "suffix of CasADi files")
     check_writable(target)
     made = _functions(prepare(cls, settings or (), freed or ()), outputs, parameters, minimal, events)
     made.save(target)

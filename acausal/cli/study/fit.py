@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.arguments import options
-from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, starts_of
+from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, numbers_of
 from acausal.cli.arguments.outputs import check_picture
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import difference_in, number_in, prepare, values_of
@@ -88,7 +88,7 @@ def fit(
         _limits(free, declared),
         parameters={k: v for k, v in prepared.parameters.items() if isinstance(v, float)},
         inputs=inputs_of(prepared.model, inputs, interpolation),
-        start=starts_of(prepared.model, start),
+        start=numbers_of("--start", prepared.model, start),
         tolerance=tolerance,
         solver=solver,
         native=native,

@@ -6,13 +6,15 @@ import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from acausal.cli.arguments import options
+from acausal.cli.arguments.inputs import declarations, declared_as, numbers_of
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
-from acausal.cli.output.report import record, remark, say, table
+from acausal.cli.arguments.settings import listed, prepare, seconds_of
+from acausal.cli.output.report import quantity, record, remark, say, table
 from acausal.errors import UsageError, counted
 
 if TYPE_CHECKING:
     from acausal.export.linearize import Linearization
+    from acausal.language.component import Component
 
 _MOST_COLUMNS = 12
 
@@ -22,7 +24,8 @@ def linearize(
     settings: options.Set = None,
     at: Annotated[str | None, options.option("--at", "Time of a run, in s or with a unit.", metavar="TIME")] = None,
     states: Annotated[
-        list[str] | None, options.option("--state", "Value of a state, in SI; repeatable.", metavar="NAME=VALUE")
+        list[str] | None,
+        options.option("--state", "Value of a state, with or without unit; repeatable.", metavar="NAME=VALUE"),
     ] = None,
     inputs: options.Inputs = None,
     freed: options.Free = None,
@@ -38,7 +41,7 @@ def linearize(
     """
     prepared = prepare(find_model(model), settings or (), freed or ())
     time = seconds_of("at", at)
-    x, u = numbers_of("--state", states), numbers_of("--input", inputs, prepared.model)
+    x, u = (numbers_of(f, prepared.model, texts) for f, texts in (("--state", states), ("--input", inputs)))
     from acausal.export.linearize import linearize as linearized
     from acausal.lower.compile import compile
     from acausal.simulate.run import simulate
@@ -49,12 +52,12 @@ def linearize(
         raise UsageError("AC011", f"--at {time:g} s is before the start of the run at {start:g} s")
     result = None
     if time is not None and time > start:
-        result = simulate(compiled, stop_time=time, output_interval=time - start, inputs=u)
+        result = simulate(compiled, stop_time=time, inputs=u)
     found = linearized(compiled, time, x, result=result, inputs=u, outputs=listed(outputs) or None)
     if as_json:
         record(_content(found))
     else:
-        _print(found)
+        _print(found, prepared.model)
     for note in () if quiet or as_json else found.notes:
         remark(f"note: {note}")
 
@@ -76,18 +79,20 @@ def _mode(e: complex) -> dict[str, float]:
         "real": e.real,
         "imag": e.imag,
         "frequency": size / (2.0 * math.pi),
-        "damping": -e.real / size if size else 1.0,
+        "damping": 0.0 - e.real / size if size else 1.0,  # no "-0"
     }
 
 
-def _print(found: Linearization) -> None:
+def _print(found: Linearization, model: Component) -> None:
     sizes = (counted(len(found.states), "state"), counted(len(found.inputs), "input"))
     say(f"{found.name}: {', '.join(sizes)}, {counted(len(found.outputs), 'output')} at t = {found.t:g} s")
     if found.states:
         say("point")
+        declared = declarations(model)
+        units = [d.unit if (d := declared_as(declared, name)) is not None else "" for name in found.states]
         rows = [
-            (n, f"{v + 0.0:.6g}", f"{r + 0.0:.6g}")  # no "-0"
-            for n, v, r in zip(found.states, found.x.tolist(), found.rates.tolist(), strict=True)
+            (n, quantity(v + 0.0, unit), quantity(r + 0.0, _per_second(unit)))  # no "-0"
+            for n, v, r, unit in zip(found.states, found.x.tolist(), found.rates.tolist(), units, strict=True)
         ]
         table(rows, ("state", "value", "rate"), indent="  ")
         say("eigenvalues of A")
@@ -100,6 +105,13 @@ def _print(found: Linearization) -> None:
             table([[f"{v + 0.0:.6g}" for v in row] for row in matrix.tolist()], indent="  ")
         elif matrix.size:
             say(f"{name}   {matrix.shape[0]} x {matrix.shape[1]}: --json prints it")
+
+
+def _per_second(unit: str) -> str:
+    """The unit of a rate."""
+    if unit.endswith("/s"):
+        return f"{unit}2"
+    return f"({unit})/s" if "/" in unit else f"{unit or '1'}/s"
 
 
 def _mode_row(m: dict[str, float]) -> tuple[str, str, str]:

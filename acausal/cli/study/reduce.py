@@ -8,8 +8,9 @@ import typer
 
 from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
+from acausal.cli.arguments.inputs import numbers_of
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import listed, numbers_of, prepare, seconds_of
+from acausal.cli.arguments.settings import listed, prepare, seconds_of
 from acausal.cli.output.report import record, say
 from acausal.errors import UsageError
 
@@ -70,7 +71,7 @@ def reduce(
         "stop_time": seconds_of("stop_time", stop_time),
         "tolerance": tolerance,
         "solver": solver,
-        "inputs": numbers_of("--input", inputs, prepared.model),
+        "inputs": numbers_of("--input", prepared.model, inputs),
     }
     found = reduced(
         prepared.model,

@@ -10,8 +10,9 @@ import typer
 from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
 from acausal.cli.arguments.outputs import check_picture
+from acausal.cli.arguments.inputs import numbers_of
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import numbers_of, prepare, seconds_of
+from acausal.cli.arguments.settings import prepare, seconds_of
 from acausal.cli.output.report import record, remark, say
 
 
@@ -53,7 +54,7 @@ def stability(
         start_time=seconds_of("start_time", start_time),
         stop_time=seconds_of("stop_time", stop_time),
         tolerance=tolerance,
-        inputs=numbers_of("--input", inputs, prepared.model),
+        inputs=numbers_of("--input", prepared.model, inputs),
         check=check,
     )
     if output is not None:

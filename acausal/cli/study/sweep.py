@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from acausal.cli.arguments import options
-from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, starts_of
+from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, numbers_of
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import as_usage, difference_in, listed, number_in, prepare, seconds_of
@@ -125,7 +125,7 @@ def sweep(
                 solver=solver,
                 native=native,
                 inputs=inputs_of(prepared.model, inputs, interpolation),
-                start=starts_of(prepared.model, start),
+                start=numbers_of("--start", prepared.model, start),
             )
     except KeyboardInterrupt:
         if (last := shown.last) is not None:

@@ -30,10 +30,11 @@ import numpy as np
 
 from acausal.errors import ExportError, UsageError
 from acausal.lower.casadi_model import EVENT_FUNCTIONS, FUNCTIONS, CasadiEvents, CasadiModel, Port, Ports
-from acausal.result.files import atomic
+from acausal.result.files import atomic, check_suffix
 
 FORMAT = "acausal casadi model"
 VERSION = 4
+SUFFIXES = (".casadi",)
 _VECTORS = ("x", "z", "u", "p", "y")
 # Every member of the archive has this date, so that equal models give equal files.
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -45,8 +46,9 @@ def save_casadi(model: CasadiModel, path: str | Path) -> None:
     Raises
     ------
     UsageError
-        AC012 when the file cannot be written.
+        AC012 when the file cannot be written, AC013 for another suffix than `.casadi`.
     """
+    check_suffix(Path(path), SUFFIXES, "suffix of CasADi files")
     serializer = ca.StringSerializer()
     for function in model.functions.values():
         serializer.pack(function)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, UsageError
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.run import simulate
 from acausal.study.reduction.lag import lag
+from acausal.study.repeated import unheard
 
 _ROUNDING = 1e-13
 
@@ -102,16 +104,19 @@ def compare_runs(
     results: dict[str, Result] = {}
     options = {"native": False, **options}
     try:
-        for _ in range(1 + max(1, repeat)):  # the first is a warm-up
+        for k in range(1 + max(1, repeat)):  # the first is a warm-up
             for name, run in runs.items():
-                start = clock.perf_counter()
-                results[name] = run(**options)
-                for output in names[name]:
-                    _ = results[name][output]
-                seconds[name].append(clock.perf_counter() - start)
+                with unheard() if k else nullcontext():
+                    start = clock.perf_counter()
+                    results[name] = run(**options)
+                    for output in names[name]:
+                        _ = results[name][output]
+                    seconds[name].append(clock.perf_counter() - start)
                 times: Mapping[str, float] = results[name].stats["time"]  # type: ignore[assignment]
                 integration[name].append(times["integrate"])
     except AcausalError as error:
+        if isinstance(error, UsageError) and not results:
+            raise  # a wrong option
         which = "full" if "reduced" in results or "full" not in results else "reduced"
         failed = f"the {which} model did not run: {error.fact}"
         return Comparison({}, {}, {}, compile_times, (), None, failed)

@@ -120,6 +120,9 @@ def sweep(
         AC413 if the workers of a given executor are lost.
     """
     names, values = design(vary, sample, seed)
+    if both := [name for name in names if name in (parameters or {})]:
+        fact = f"{', '.join(both)}: varied, and given a value for all members, too"
+        raise UsageError("AC060", fact, help="leave out one of the two: vary and parameters, or --vary and --set")
     if workers is not None and workers < 1:
         raise UsageError("AC060", f"{workers} workers do nothing", help="workers=2")
     compiled, component = _compiled(model, dict(parameters or {}), names, values)

@@ -52,7 +52,7 @@ class Range:
             raise UsageError(
                 "AC060",
                 f"a grid needs the number of values from {self.low:g} to {self.high:g}",
-                help="give their number, Range(low, high, 7), or draw a sample: sample='sobol:256'",
+                help="give their number: Range(low, high, 7), or --vary NAME=LOW:HIGH:7; or draw a sample: sobol:256",
             )
         found = self.ppf(np.linspace(0.0, 1.0, self.count))
         found[[0, -1]] = self.low, self.high
