@@ -21,7 +21,6 @@ from acausal.diagnose.null_space.dependence import check_rank, dependent, specia
 from acausal.errors import StructureError
 from acausal.structure import Block, Incidence, tear
 
-
 BlockKind = Literal["explicit", "linear", "monotone", "torn", "dae"]
 
 

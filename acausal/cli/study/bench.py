@@ -11,8 +11,8 @@ import typer
 
 from acausal.cli.arguments import options
 from acausal.cli.arguments.completion import complete_solver
-from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.inputs import numbers_of
+from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import listed, prepare, seconds_of
 from acausal.cli.output.report import record, remark, say, seconds, table

@@ -183,8 +183,8 @@ def reduce(
     Raises
     ------
     UsageError
-        AC010, AC018, AC020, AC026 for wrong names, AC027 for drills that may leave several holes; those of `simulate` for
-        wrong options.
+        AC010, AC018, AC020, AC026 for wrong names, AC027 for drills that may leave several holes;
+        those of `simulate` for wrong options.
     AcausalError
         Any error of the model.
     """
