@@ -136,7 +136,7 @@ def _outline(ax: Axes, blocks: Sequence[tuple[int, int, BlockKind]]) -> None:
 
 
 def _legend(blocks: Sequence[tuple[int, int, BlockKind]]) -> list[Patch]:
-    counts: Mapping[str, list[int]] = {kind: [s for _, s, k in blocks if k == kind] for kind in _COLOR}
+    counts: Mapping[BlockKind, list[int]] = {kind: [s for _, s, k in blocks if k == kind] for kind in _COLOR}
     return [
         Patch(facecolor=_COLOR[kind], alpha=1.0 if kind == "explicit" else 0.5, label=f"{len(sizes)} {_MEANING[kind]}")
         for kind, sizes in counts.items()
