@@ -362,3 +362,25 @@ def test_matplotlib_has_nothing_to_say_about_a_wrapped_label(caplog: pytest.LogC
     panels = (Panel(("k_c",), title="Force"), Panel(("n",), title="Speed"))
     figure(r, panels, file=tmp_path / "k.png")
     assert not [record.getMessage() for record in caplog.records if record.name.startswith("matplotlib")]
+
+
+def test_a_curve_on_top_of_another_one_leaves_it_visible(result: Result) -> None:
+    """Equal curves differ in style, and those that differ in value do not."""
+    signals = {s.name: s for s in (Signal("a", "m", "", 0), Signal("b", "m", "", 0), Signal("c", "m", "", 0, sign=-1))}
+    (panel,) = plot(replace(result, signals=signals), "a", "b", "c").axes
+    assert [line.get_linestyle() for line in panel.get_lines()] == ["-", "--", "-"]
+
+
+def test_a_long_title_stays_within_the_figure(result: Result) -> None:
+    drawing = plot(result, "drill.s", title="Phase portrait of the oscillator, " * 5)
+    title = drawing.get_suptitle()
+    assert title.count("\n") >= 2
+    drawing.canvas.draw()
+    heading = drawing._suptitle  # type: ignore[attr-defined]
+    box = heading.get_window_extent()
+    assert 0.0 <= box.x0 < box.x1 <= drawing.bbox.x1
+
+
+@pytest.mark.parametrize(("unit", "shown"), [("degC", "[°C]"), ("deg", "[°]"), ("deg/s", "[°/s]"), ("m", "[m]")])
+def test_degrees_have_their_sign(unit: str, shown: str) -> None:
+    assert Scale(unit).label == shown

@@ -63,6 +63,10 @@ _SPREAD = 1e3
 # Characters that fit along the vertical axis, and above a panel of 7.4 inches.
 _LABEL_WIDTH = 26
 _PANEL_WIDTH = 80
+# Characters of a title in a figure of one column.
+_TITLE_WIDTH = 60
+# Width of a line relative to the height of a panel.
+_LINE_WIDTH = 0.01
 # A larger number of event lines would hide the curves.
 _MOST_EVENTS = 60
 
@@ -190,7 +194,8 @@ def figure(
         drawing.align_ylabels()
         heading = result.model if title is None else title
         if heading:
-            drawing.suptitle(heading, fontsize=11, fontweight="bold")
+            width = _TITLE_WIDTH * columns
+            drawing.suptitle("\n".join(wrap(heading, width) or [heading]), fontsize=11, fontweight="bold")
         save(drawing, file)
     return drawing
 
@@ -344,11 +349,12 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
     side = ax
     for k, group in enumerate(groups):
         side = ax if k == 0 else ax.twinx()
-        for line in group.lines:
+        for i, line in enumerate(group.lines):
             beside = " [1]" if _is_plain(line.signal) and group.scale.label else " (right)" if k else ""
             color = COLORS[len(handles) % len(COLORS)]
-            # one line style per result; the next one when colours repeat
-            style = STYLES[(line.source + (len(handles) >= len(COLORS))) % len(STYLES)]
+            # one line style per result; the next one when colours repeat, and on top of a curve that would be hidden
+            covered = sum(_covers(line, other, group) for other in group.lines[:i])
+            style = STYLES[(line.source + (len(handles) >= len(COLORS)) + covered) % len(STYLES)]
             handles += side.plot(scale(line.abscissas), line.values, ls=style, color=color, label=line.label + beside)
         side.set_ylabel(group.label)
         _widen_constant(side, [line.values for line in group.lines])
@@ -369,6 +375,15 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
     ax.legend(handles=handles, borderaxespad=0.2, columnspacing=1.4, **position)
     text = horizontal.doc.rstrip(".") or horizontal.name
     return f"{text} {scale.label}".strip()
+
+
+def _covers(line: _Line, other: _Line, group: _Group) -> bool:
+    """Whether a line would hide another one of its result for most of the time."""
+    if line.source != other.source:
+        return False
+    finite = np.concatenate([member.values[np.isfinite(member.values)] for member in group.lines])
+    near = _LINE_WIDTH * float(np.ptp(finite)) if finite.size else 0.0
+    return bool(np.mean(np.abs(line.values - other.values) <= near) > 0.5)
 
 
 def _right_of(side: Axes) -> Transform:

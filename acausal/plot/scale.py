@@ -40,6 +40,7 @@ class Scale:
         # avoid mathtext: beside it, matplotlib looks up a line break in the font, and warns that it is missing
         text = re.sub(r"(?<=[A-Za-z)])(-?\d+)", lambda m: m[1].translate(_RAISED), self.unit)
         text = re.sub(r"\bu(?=Ohm|Pa|Hz|Wb|[NWJVAFHCSTms])", "\u00b5", text)
+        text = re.sub(r"\bdeg(?=[CF]?\b)", "\u00b0", text)
         return f"[{text.replace('.', '·').replace('Ohm', 'Ω')}]"
 
 

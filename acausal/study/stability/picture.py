@@ -56,7 +56,7 @@ def stability_picture(study: Stability, file: str | Path | None = None) -> Figur
     near.set_title("Near the origin", loc="left", fontsize=10)
     handles = [Line2D([], [], color=c, lw=1.6, label=f"stable inside: {_TITLES[n]}") for n, c in _SHOWN.items()]
     handles.append(Line2D([], [], marker="o", ls="", color="#3b528b", markersize=4, label="eigenvalue, by time"))
-    near.legend(handles=handles, fontsize=7.5, loc="upper left", framealpha=0.95)
+    figure.legend(handles=handles, fontsize=8.5, loc="outside lower center", ncols=len(handles), frameon=False)
     if shade is not None and len(times) > 1 and any(len(values) for values in z):
         figure.colorbar(shade, ax=(whole, near), label="time [s]", fraction=0.03, pad=0.01)
     what = f"eigenvalues times a step of h = {study.step:.3g} s"
