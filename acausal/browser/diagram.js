@@ -85,8 +85,10 @@ function _diagramNode(block, opened, isRoot) {
   if (node.hasSymbol) {
     node.width = 60;
     node.height = 40;
-    node.labels = [{ text: block.name, width: Math.max(20, label), height: _diagramSecond(block) ? 24 : 13 }];
     node.isBelow = sides.S.length === 0;
+    // Beside the line of a connector above; as much room at the other side, because ELK centres labels.
+    node.isBeside = !node.isBelow && sides.N.length > 0;
+    node.labels = [{ text: block.name, width: Math.max(20, node.isBeside ? 2 * label + 14 : label), height: _diagramSecond(block) ? 24 : 13 }];
     node.layoutOptions["elk.nodeLabels.placement"] = "OUTSIDE H_CENTER " + (node.isBelow ? "V_BOTTOM" : "V_TOP");
     return node;
   }
@@ -172,7 +174,7 @@ function diagramLayout(graph, opened, Worker, done, failed) {
 
 function _diagramJoin(ours, theirs) {
   var i;
-  theirs.block = ours.block; theirs.isOpen = ours.isOpen; theirs.hasSymbol = ours.hasSymbol; theirs.namedPorts = ours.namedPorts; theirs.isBelow = ours.isBelow;
+  theirs.block = ours.block; theirs.isOpen = ours.isOpen; theirs.hasSymbol = ours.hasSymbol; theirs.namedPorts = ours.namedPorts; theirs.isBelow = ours.isBelow; theirs.isBeside = ours.isBeside;
   for (i = 0; ours.ports && i < ours.ports.length; i++) theirs.ports[i].port = ours.ports[i].port;
   for (i = 0; ours.children && i < ours.children.length; i++) _diagramJoin(ours.children[i], theirs.children[i]);
   for (i = 0; ours.edges && i < ours.edges.length; i++) theirs.edges[i].edge = ours.edges[i].edge;
@@ -219,8 +221,9 @@ function _diagramDraw(node, places, out, isRoot) {
   if (node.hasSymbol) {
     out.push('<g class="sym" transform="translate(' + at.x + " " + at.y + ')"><rect width="60" height="40" class="field"/>' + block.symbol + "</g>");
     var line = node.isBelow ? at.y + node.height + 12 : at.y - (second ? 15 : 5);
-    out.push('<text class="name" x="' + middle + '" y="' + line + '">' + _diagramText(block.name) + "</text>");
-    if (second) out.push('<text class="cls" x="' + middle + '" y="' + (line + 11) + '">' + _diagramText(second) + "</text>");
+    var where = node.isBeside ? ' style="text-anchor:start" x="' + (middle + 7) : ' x="' + middle;
+    out.push('<text class="name"' + where + '" y="' + line + '">' + _diagramText(block.name) + "</text>");
+    if (second) out.push('<text class="cls"' + where + '" y="' + (line + 11) + '">' + _diagramText(second) + "</text>");
   } else {
     out.push('<rect class="box" x="' + at.x + '" y="' + at.y + '" width="' + node.width + '" height="' + node.height + '" rx="3"/>');
     out.push('<text class="name" x="' + middle + '" y="' + (at.y + node.height / 2 - 1) + '">' + _diagramText(block.name) + "</text>");

@@ -76,3 +76,22 @@ def crossing(picture: Drawn) -> list[tuple[str, str]]:
                     if inside_x and inside_y:
                         found.append((edge, path))
     return found
+
+
+def text_boxes(svg: str) -> list[tuple[float, float, float, float]]:
+    """Left, top, right and bottom of the names below, above and beside symbols, estimated from their letters."""
+    found = []
+    for text in ET.fromstring(svg).iter(f"{_SVG}text"):
+        size = {"name": 11.0, "cls": 9.0}.get(text.get("class", ""))
+        if size is not None:
+            x, y, width = float(text.get("x", "nan")), float(text.get("y", "nan")), 0.6 * size * len(text.text or "")
+            left = x if "start" in text.get("style", "") else x - width / 2
+            found.append((left, y - 0.75 * size, left + width, y))
+    return found
+
+
+def squares(svg: str) -> list[tuple[float, float, float, float]]:
+    """Left, top, right and bottom of the squares of connectors."""
+    rects = (r for r in ET.fromstring(svg).iter(f"{_SVG}rect") if r.get("width") == "6" and r.get("height") == "6")
+    corners = ((float(r.get("x", "nan")), float(r.get("y", "nan"))) for r in rects)
+    return [(x, y, x + 6.0, y + 6.0) for x, y in corners]

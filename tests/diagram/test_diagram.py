@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -13,14 +14,15 @@ from acausal.diagram.graph import graph_of
 from acausal.errors import UsageError
 from acausal.library.blocks import Gain, Sine
 from acausal.library.drilling import DrillingForce
-from acausal.library.electrical import Capacitor, Ground, Resistor, StepVoltage
+from acausal.library.electrical import Capacitor, Ground, HeatingResistor, Resistor, StepVoltage
+from acausal.library.multibody import Prismatic, Revolute
 from acausal.models.drilling_control import ForceControlledDrilling
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.oscillator import Oscillator
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_circuit import RCCircuit
 from tests.browser.chromium import probe
-from tests.diagram.drawn import crossing, drawn, slanted
+from tests.diagram.drawn import crossing, drawn, slanted, squares, text_boxes
 
 pytest.importorskip("dukpy")
 
@@ -196,6 +198,16 @@ def test_every_symbol_belongs_to_a_class_and_is_svg() -> None:
         family, _, name = key.rpartition(".")
         assert (family, name) in names, key
         ET.fromstring(f"<g>{symbol}</g>")
+
+
+@pytest.mark.parametrize("cls", [Prismatic, Revolute, Resistor, HeatingResistor])
+def test_no_connector_lies_on_a_name(cls: type[Component]) -> None:
+    """Joints have drives above and below; the name stands beside the line of the upper one."""
+    svg = cls().diagram().svg()
+    pairs = list(product(text_boxes(svg), squares(svg)))
+    assert pairs
+    for (a, b, c, d), (x, y, u, v) in pairs:
+        assert c <= x or u <= a or d <= y or v <= b
 
 
 def test_every_shipped_model_has_a_graph() -> None:
