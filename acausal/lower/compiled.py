@@ -142,6 +142,12 @@ class CompiledModel(Lowered):
         return replace(shell, rhs=ca.Function("rhs", symbols.inputs, [ode, _column(alg)], _INPUTS, ["ode", "alg"]))
 
     @cached_property
+    def searched(self) -> Any:
+        """`(t, x, z, u, p, m) -> v`: the unknowns of monotone blocks, which `opened` appends to z."""
+        pool = self.solution.structure.reduced.pool
+        return self._of_nodes("searched", v=[pool.var(m.variable) for m in self.solution.monotone])
+
+    @cached_property
     def guess(self) -> Any:
         """`(p) -> (x[nx], z[nz])`: declared starts and guesses, 0 where there are none."""
         p = ca.SX.sym("p", len(self.parameters))

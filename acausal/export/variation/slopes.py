@@ -23,6 +23,43 @@ def memories(compiled: CompiledModel) -> NDArray[np.int64]:
     return np.arange(first, first + len(events.memories))
 
 
+def _stepped(compiled: CompiledModel, at: list[Any]) -> tuple[Any, Any, Any, Any]:
+    """(Rates, residuals, symbols in both, their values): equations that have the right derivatives.
+
+    `at` are the arguments of the equations, (t, x, z, u, p, m).
+
+    The unknown of a monotone block is solved for by Newton steps, written out. The derivatives of all of them are those
+    of one more step from the solution, which is a symbol here, as is the slope of the block: a fifth of the operations.
+    """
+    rates, residuals = compiled.rhs(*at)
+    nothing, searched = ca.SX(0, 1), compiled.solution.monotone
+    if not searched or compiled.varied:
+        return rates, residuals, nothing, nothing
+    t, x, z, *rest = at
+    nz, solution, slope = len(compiled.algebraic), ca.SX.sym("v", len(searched)), ca.SX.sym("g", len(searched))
+
+    def opened(v: Any) -> tuple[Any, Any, Any]:
+        ode, alg = compiled.opened.rhs(t, x, ca.vertcat(z, v), *rest)
+        return ode, alg[:nz], alg[nz:]
+
+    by_solution = ca.jacobian(opened(solution)[2], solution)
+    if not by_solution.sparsity().is_tril():
+        return rates, residuals, nothing, nothing
+    stepped = ca.SX(solution)
+    for k in range(len(searched)):  # later blocks depend on earlier ones
+        stepped[k] -= opened(stepped)[2][k] / slope[k]
+    ode, alg, _ = opened(stepped)
+    found = compiled.searched(*at)
+    numbers = ca.vertcat(found, ca.substitute(ca.diag(by_solution), solution, found))
+    return ode, alg, ca.vertcat(solution, slope), numbers
+
+
+def _fewest(value: Any, w: Any, p: Any) -> Any:
+    """Derivatives of `value` by `w` and `p`: CasADi's choice of direction for each or for both, if that is shorter."""
+    apart, together = ca.horzcat(ca.jacobian(value, w), ca.jacobian(value, p)), ca.jacobian(value, ca.vertcat(w, p))
+    return min((apart, together), key=lambda slopes: ca.n_nodes(ca.densify(slopes.nz[:])))
+
+
 class Slopes:
     """Functions `value(t, w, c, m)` and `slopes(t, w, c, m) -> (value, entries)`.
 
@@ -48,13 +85,16 @@ class Slopes:
         x, past, z = ca.vertsplit(w * ca.DM(self.scale), [0, own, nx, self.n])
         m = ca.SX(modes)
         m[self.held] = past
-        ode, alg = compiled.rhs(t, x, z, u, p, m)
-        value: Any = ca.densify(ca.vertcat(ode / ca.DM(compiled.nominal_x), ca.SX.zeros(nx - own, 1), alg))
-        slopes: Any = ca.horzcat(ca.jacobian(value, w), ca.jacobian(value, p)[:, chosen])
+
+        def equations(ode: Any, alg: Any) -> Any:
+            return ca.densify(ca.vertcat(ode / ca.DM(compiled.nominal_x), ca.SX.zeros(nx - own, 1), alg))
+
+        value, arguments = equations(*compiled.rhs(t, x, z, u, p, m)), [t, w, ca.vertcat(u, p), modes]
+        (*differentiable, symbols, numbers) = _stepped(compiled, [t, x, z, u, p, m])
+        slopes = _fewest(equations(*differentiable), w, p[chosen])
         pattern = slopes.sparsity()
-        arguments = [t, w, ca.vertcat(u, p), modes]
+        entries: Any = ca.substitute(ca.vec(ca.densify(slopes.nz[:])), symbols, numbers)
         self.value: Any = ca.Function("value", arguments, [value])
-        entries: Any = ca.vec(ca.densify(slopes.nz[:]))
         self.slopes = ca.Function("slopes", arguments, list(ca.cse([value, entries])))
         self.starts = np.array(pattern.colind(), dtype=np.int64)
         self.rows = np.array(pattern.row(), dtype=np.int64)
