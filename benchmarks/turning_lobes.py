@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 import acausal
@@ -76,6 +77,11 @@ def draw(points: list[tuple[float, float, bool, bool]], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
+    def head(ax: Axes, title: str) -> None:
+        """Title and legend above the axes, where they cover no curve."""
+        ax.set_title(title, loc="left", pad=24)
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, fontsize=9, frameon=False, borderaxespad=0.2)
+
     figure, (chart, runs) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
     for k, (speeds, b) in enumerate(lobes()):
         chart.plot(speeds, 1e3 * b, color="0.35", lw=1.2, label="limit, closed form" if k == 0 else None)
@@ -85,15 +91,13 @@ def draw(points: list[tuple[float, float, bool, bool]], path: Path) -> None:
     ):
         chosen = [(s, 1e3 * b) for s, b, found, _ in points if found == unstable]
         chart.plot(*zip(*chosen, strict=True), marker, color=color, ms=5, ls="", label=label)
-    chart.set(xlim=(1900, 6100), ylim=(0, 0.45), xlabel="spindle speed in 1/min", ylabel="width of cut in mm")
-    chart.legend(loc="upper left", fontsize=9)
-    chart.set_title("Stability chart")
+    chart.set(xlim=(1900, 6100), ylim=(0, 0.45), xlabel="Spindle speed [1/min]", ylabel="Width of cut [mm]")
+    head(chart, "Stability chart")
     for b, color in ((0.18e-3, "C3"), (0.14e-3, "C0")):
         r = acausal.simulate(RegenerativeTurning(b=b), stop_time=0.3)
         runs.plot(r.time, 1e6 * r["tool.s"], color=color, lw=0.8, label=f"b = {1e3 * b:.2f} mm")
-    runs.set(xlabel="time in s", ylabel="position of the tool in µm")
-    runs.set_title("3000 1/min, limit 0.164 mm")
-    runs.legend(loc="upper left", fontsize=9)
+    runs.set(xlabel="Time [s]", ylabel="Position of the tool [µm]")
+    head(runs, "3000 1/min, limit 0.164 mm")
     figure.savefig(path, dpi=130)
 
 

@@ -152,8 +152,8 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> Iterator[str]:
     yield "| " + " | ".join(head[k] for k in kept) + " |"
     yield "|---" * len(kept) + "|"
     for row in rows:
-        first, *rest = (row[k] for k in kept)
-        cells = [f"`{first}`", *(str(c).replace("|", "\\|").replace("\n", " ") for c in rest)]
+        first, *rest = (str(row[k]).replace("|", "\\|").replace("\n", " ") for k in kept)
+        cells = [f"`{first}`", *rest]
         yield "| " + " | ".join(cells) + " |"
     yield ""
 

@@ -341,6 +341,15 @@ def test_differences_are_those_of_one_unit(result: Result) -> None:
     assert np.asarray(lower.get_lines()[0].get_ydata()) == pytest.approx([-1.0] * 3)
 
 
+def test_many_compared_signals_stand_in_rows(result: Result) -> None:
+    """Five signals beside each other were 23 inches wide, and shrunk on a screen until nothing could be read."""
+    drawing = compared(result, result, ["drill.s", "drill.F_f", "eps", "body.v[0]", "body.v[1]"])
+    assert drawing.get_size_inches()[0] < 10.0
+    titles = [ax.get_title(loc="left") for ax in drawing.axes]
+    assert [t for t in titles if t] == ["drill.s", "drill.F_f", "eps", "body.v[0]", "body.v[1]"]
+    assert len(titles) == 10
+
+
 def test_a_jump_that_both_results_have_is_no_difference() -> None:
     time, values = np.array([0.0, 1.0, 1.0, 2.0]), np.array([[0.0], [0.0], [5.0], [5.0]])
     step = Result("step", time, values, {"y": Signal("y", "m", "", 0)})

@@ -271,8 +271,8 @@ def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Ins
         if path in kinds:
             kind = kinds[path]
             help_ = _INSTEAD.get(kind, "give its start value: start={{'{path}': ...}}, or --start {path}=...")
-            article = "an" if kind.value[0] in "aeio" else "a"
-            fact = f"{path} is {article} {kind.value}, not a parameter"
+            named = "structural argument" if kind is Kind.STRUCTURAL else kind.value
+            fact = f"{path} is {'an' if named[0] in 'aeio' else 'a'} {named}, not a parameter"
             raise UsageError("AC021", fact, help=help_.format(path=path))
         raise UsageError(
             "AC020",

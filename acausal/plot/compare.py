@@ -20,10 +20,12 @@ if TYPE_CHECKING:
 
 # Up to this many rows the first result is drawn as points, because it may be a measurement.
 _POINTS = 2000
+# More signals go to further rows: a wider figure would be shrunk until its texts cannot be read.
+_COLUMNS = 2
 
 
 def compared(first: Result, second: Result, names: Sequence[str], file: str | Path | None = None) -> Figure:
-    """Draw signals of both results, one column each: values above, `second - first` below, in the unit of the first.
+    """Draw signals of both results beside each other: values above, `second - first` below, in the unit of the first.
 
     Differences are taken at the times of the first within the second's run.
 
@@ -32,11 +34,21 @@ def compared(first: Result, second: Result, names: Sequence[str], file: str | Pa
     check_picture(file)
     if not names:
         raise UsageError("AC016", "there is no signal to compare")
+    columns = min(len(names), _COLUMNS)
+    rows = -(-len(names) // columns)
     with matplotlib.rc_context(STYLE):
-        drawing = Drawing(figsize=(max(7.4, 4.6 * len(names)), 5.4), layout="constrained")
-        axes = drawing.subplots(2, len(names), sharex="col", squeeze=False, height_ratios=(2.2, 1.0))
-        for column, name in enumerate(names):
-            _draw(first, second, name, *axes[:, column])
+        drawing = Drawing(figsize=(max(7.4, 4.6 * columns), 0.4 + 5.0 * rows), layout="constrained")
+        heights = (2.2, 1.0) * rows
+        axes = drawing.subplots(2 * rows, columns, sharex="col", squeeze=False, height_ratios=heights)
+        for k in range(rows * columns):
+            row, column = divmod(k, columns)
+            upper, lower = axes[2 * row : 2 * row + 2, column]
+            if k < len(names):
+                _draw(first, second, names[k], upper, lower)
+                lower.tick_params(labelbottom=True)
+            else:
+                upper.remove()
+                lower.remove()
         drawing.suptitle(f"{first.model} and {second.model}", fontsize=11, fontweight="bold")
     save(drawing, file)
     return drawing
