@@ -191,3 +191,49 @@ def test_a_carrier_that_rates_hardly_show_is_resolved(solver: str, native: bool)
         given: dict[str, Any] = {"stop_time": 0.25, "output_interval": 0.25, "parameters": {"weight": weight}}
         r = acausal.simulate(model, solver=solver, native=native, **given)
         assert float(r.final("n")) == 79.0
+
+
+class Gate(Component):
+    """A relation of a pulse switches a rate: it is open for as long as the pulse is above one half."""
+
+    width: Real = parameter(default=2e-4)
+    r: Real = variable(default=fixed(0.0))
+    open: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.r) == 1.0
+        yield der(self.open) == where(exp(-(((self.r - 0.5123) / self.width) ** 2)) > 0.5, 1.0, 0.0)
+
+
+class Dose(Component):
+    """A pulse that is a rate itself, too, and is counted."""
+
+    width: Real = parameter(default=2e-4)
+    r: Real = variable(default=fixed(0.0))
+    dose: Real = variable(default=fixed(0.0))
+    n: Real = discrete(default=fixed(0.0))
+
+    def pulse(self) -> Expr:
+        return exp(-(((self.r - 0.4442) / self.width) ** 2))
+
+    def equations(self) -> Equations:
+        yield der(self.r) == 1.0
+        yield der(self.dose) == self.pulse() * (1 + 0.1 * sin(self.dose))
+        yield when(self.pulse() > 0.5, reset(self.n, pre(self.n) + 1))
+
+
+class SmoothWindow(Dose):
+    def pulse(self) -> Expr:
+        return 1 - tanh((self.r - 0.4442) / self.width) ** 2
+
+
+@pytest.mark.parametrize("width", [6e-3, 2e-4, 2e-5])
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas", "cvodes"])
+def test_pulses_that_act_on_rates_have_their_events(solver: str, width: float) -> None:
+    """exp(-s^2) > 1/2 for |s| < sqrt(ln 2). Below a width of 5e-4 no gate opened; one dose of fourteen counted none."""
+    given: dict[str, Any] = {"stop_time": 1.0, "output_interval": 1.0, "native": False, "solver": solver}
+    result = acausal.simulate(Gate(width=width), **given)
+    assert result.final("open") == pytest.approx(2 * width * math.sqrt(math.log(2)), rel=1e-3)
+    for model in (Dose, SmoothWindow):
+        for tolerance in (1e-4, 1e-6, 1e-8):
+            assert acausal.simulate(model(width=width), tolerance=tolerance, **given).final("n") == 1.0

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.arrays import Vector
+from acausal.arrays import Truth, Vector
 from acausal.flatten.pool import Pool
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
@@ -33,20 +33,23 @@ _LARGEST_ADVANCE = np.pi / 16
 # The same where rates depend on the phase: the error control resolves it, unless its part of the rates is small.
 # Compiled loops bound their steps by an eighth of a period (event_loop.c).
 _RESOLVED_ADVANCE = np.pi
-# The largest logarithmic change of a steep function between two mesh points, and the factor of what lies beyond both;
-# where exponentials and steps have ended; the least size of a denominator, relative to its largest; and any.
-_LARGEST_CHANGE, _TURNS, _FADED, _STEPPED, _LEAST, _FAR = 0.5, 10.0, 40.0, 20.0, 1e-12, 1e100
+# The largest logarithmic change of a steep function between two mesh points, the same where rates depend on it, whose
+# steps are short where it changes, and the factor of what lies beyond both points.
+_LARGEST_CHANGE, _RESOLVED_CHANGE, _TURNS = 0.5, 1.0, 10.0
+# Where exponentials and steps have ended; the least size of a denominator, relative to its largest; and any.
+_FADED, _STEPPED, _LEAST, _FAR = 40.0, 20.0, 1e-12, 1e100
 # The fraction of the largest distance of mesh points that is aimed at, and the shortest interval that is divided, in
 # distances of instants that coincide.
 _WITHIN, _FEW = 0.7, 16.0
 _PERIODIC = frozenset(("sin", "cos", "tan"))
 _MONOTONE = frozenset(("exp", "tanh", "atan"))
+_EXTREMES = frozenset(("min", "max"))
 _STEEP = {"exp": 0, "tanh": 0, "atan": 0, "cosh": 0, "sinh": 0, "pow": 0, "div": 1}
 
 
 @dataclass(frozen=True, eq=False)
 class Arguments:
-    """Arguments in the guards of a model: phases, and those of steep functions on which no rate depends.
+    """Arguments in the guards of a model: phases, and those of steep functions.
 
     `function`, `column`: (t, x, z, u, p, m) -> arguments, shape (n,).
     `operations`: For each its function: that of a phase [rad], or the name of a steep function.
@@ -59,12 +62,16 @@ class Arguments:
     resolved: tuple[bool, ...]
 
     @cached_property
-    def advances(self) -> Vector:
-        """The largest changes of the phases between two mesh points [rad]."""
-        given = zip(self.operations, self.resolved, strict=True)
-        return np.array(
-            [_RESOLVED_ADVANCE if resolved else _LARGEST_ADVANCE for op, resolved in given if op in _PERIODIC]
-        )
+    def is_phase(self) -> Truth:
+        """Whether each is a phase."""
+        return np.array([op in _PERIODIC for op in self.operations])
+
+    @cached_property
+    def limits(self) -> Vector:
+        """The largest changes between two mesh points: of phases [rad], and of the logarithms of steep functions."""
+        resolved = np.array(self.resolved)
+        of_phases = np.where(resolved, _RESOLVED_ADVANCE, _LARGEST_ADVANCE)
+        return np.where(self.is_phase, of_phases, np.where(resolved, _RESOLVED_CHANGE, _LARGEST_CHANGE))
 
 
 _MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
@@ -82,18 +89,21 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     builder = symbols.defined(compiled)
     pool, relations = builder.pool, set(compiled.state_events.relations)
     rates = compiled.solution.structure.rates(compiled.state_variables)
+    definitions = dict(compiled.solution.definitions)
     # what rates depend on is resolved by the error control of the solver
     resolved = _behind(pool, compiled, [*rates, *compiled.solution.residuals], relations)
     found: dict[tuple[int, str], bool] = {}
     for n in sorted(_behind(pool, compiled, relations, set())):
         op, *operands = pool.nodes[n]
-        if op in _PERIODIC or (n not in resolved and op in _STEEP and not _is_low_power(pool, op, operands)):
-            key = operands[_STEEP.get(op, 0)], op
-            found[key] = found.get(key, True) and n in resolved
+        if op in _PERIODIC or (op in _STEEP and not _is_low_power(pool, op, operands)):
+            argument = operands[_STEEP.get(op, 0)]
+            for a in [argument] if op in _PERIODIC else _beneath_extremes(pool, argument, definitions):
+                found[a, op] = found.get((a, op), True) and n in resolved
     if not found:
         return None
     column = ca.densify(builder.column(builder.replaced([n for n, _ in found])))
-    varying = ca.vertcat(*symbols.inputs[:3])
+    t, x, z = symbols.inputs[:3]
+    varying = ca.vertcat(t, x[: compiled.n_dynamic], z)
     varies = [k for k in range(column.numel()) if ca.depends_on(column[k], varying)]
     if not varies:
         return None
@@ -127,6 +137,28 @@ def _is_low_power(pool: Pool, op: str, operands: list[int]) -> bool:
     return exponent[0] == "const" and float(exponent[1]) in range(1, 8)
 
 
+def _beneath_extremes(pool: Pool, argument: int, definitions: dict[int, int]) -> list[int]:
+    """An argument, or the operands of `minimum` and `maximum` in it, which hide where it turns.
+
+    The compiler bounds exponents, too (`acausal.analyse.events.underflow`): between mesh points on both sides of a
+    pulse, `maximum(-v**2, -300)` is constant.
+    """
+    found, pending, seen = list[int](), [argument], set[int]()
+    while pending:
+        here = pending.pop()
+        if here in seen:
+            continue
+        seen.add(here)
+        op, *operands = pool.nodes[here]
+        if op in _EXTREMES:
+            pending += operands
+        elif op == "var" and operands[0] in definitions:
+            pending.append(definitions[operands[0]])
+        else:
+            found.append(here)
+    return found
+
+
 def _behind(pool: Pool, compiled: CompiledModel, roots: Iterable[int], barriers: set[int]) -> set[int]:
     """Nodes on which these roots depend, through definitions, but not through `barriers`."""
     definitions, pending, seen = dict(compiled.solution.definitions), list(roots), set[int]()
@@ -156,12 +188,13 @@ def first_swing(
     x, z = (np.column_stack([v, w[:, rows[:until]]]) for v, w in ((segment.x, piece.x), (segment.z, piece.z)))
     values = found.function.many(times[: until + 1, None], x.T, z.T, problem.u, problem.p, moment.m)
     widths = np.diff(times[: until + 1])
-    is_phase = np.array([op in _PERIODIC for op in found.operations])
-    advance = np.abs(np.diff(values[:, is_phase], axis=0))
-    advance = (advance / found.advances).max(axis=1, initial=0.0)
-    steep = [op for op in found.operations if op not in _PERIODIC]
-    change = _changes(times[: until + 1], values[:, ~is_phase], steep) if steep else np.zeros(until)
-    swung = np.flatnonzero(((advance > 1.0) | (change > _LARGEST_CHANGE)) & (widths > _FEW * shortest))
+    is_phase, limits = found.is_phase, found.limits
+    advance = (np.abs(np.diff(values[:, is_phase], axis=0)) / limits[is_phase]).max(axis=1, initial=0.0)
+    change = np.zeros(until)
+    if not is_phase.all():
+        steep = [op for op in found.operations if op not in _PERIODIC]
+        change = (_changes(times[: until + 1], values[:, ~is_phase], steep) / limits[~is_phase]).max(axis=1)
+    swung = np.flatnonzero(((advance > 1.0) | (change > 1.0)) & (widths > _FEW * shortest))
     if not len(swung):
         return None, np.inf
     k = int(swung[0])
@@ -169,13 +202,13 @@ def first_swing(
 
 
 def _changes(times: Vector, arguments: Vector, operations: list[str]) -> Vector:
-    """The largest logarithmic change of any steep function in each of n intervals, shape (n,), from its arguments.
+    """The largest logarithmic changes of k steep functions in each of n intervals, shape (n, k), from their arguments.
 
     What it may rise or fall beyond both ends counts more: a pulse is there, if anywhere.
     """
     arguments = np.nan_to_num(np.clip(arguments, -_FAR, _FAR))
     low, high = lower_bounds(times, arguments), -lower_bounds(times, -arguments)
-    change = np.zeros(len(low))
+    change = np.zeros(low.shape)
     for k, op in enumerate(operations):
         both = np.stack([arguments[:-1, k], arguments[1:, k]])
         least, most = np.fmin(low[:, k], both.min(axis=0)), np.fmax(high[:, k], both.max(axis=0))
@@ -185,7 +218,7 @@ def _changes(times: Vector, arguments: Vector, operations: list[str]) -> Vector:
         nearest = max(_LEAST * float(both.max()), 1e-300)
         levels = [_level(op, v, nearest) for v in (least, both.min(axis=0), both.max(axis=0), most)]
         turn = np.fmax(levels[1] - levels[0], levels[3] - levels[2])
-        change = np.fmax(change, np.fmax(levels[3] - levels[0], _TURNS * turn))
+        change[:, k] = np.fmax(levels[3] - levels[0], _TURNS * turn)
     return change
 
 
