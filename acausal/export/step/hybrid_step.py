@@ -50,9 +50,10 @@ from acausal.simulate.solvers.segment import Tolerances
 # below which the event counts as located.
 _EVALUATIONS, _OFFSET, _BEYOND, _LOCATED = 9, 1e-4, 1e-6, 1e-4
 # Relative positions inside a part of a step at which guards are evaluated, and the relative deviation from the cubic
-# between its ends beyond which a guard counts as oscillating within the part.
+# between its ends beyond which a guard counts as oscillating within the part; and the largest distance of a guard from
+# that cubic, in distances at these positions.
 _INSIDE = (0.1813, 0.4377, 0.6481, 0.8342)
-_JAGGED = 0.1
+_JAGGED, _FARTHEST = 0.1, 1.2
 
 
 @dataclass(frozen=True)
@@ -353,24 +354,26 @@ class HybridStep:
         """Whether a guard that is positive at both ends of a part may be crossed twice in the first `share` of it.
 
         As in `native/bracketing.c`, without its integrated points: the cubic through both ends is evaluated
-        where its slope would vanish if the slope were linear, and the guard itself where the tangents at both ends
-        intersect, the position of a kink. A guard that oscillates within the step is not a cubic: it is evaluated at
-        inner points, and may be crossed if it deviates from the cubic by more than its value and a tenth of its
-        magnitude.
+        where it is lowest, and the guard itself where the tangents at both ends intersect, the position of a kink. A
+        guard that oscillates within the step is not a cubic: it is evaluated at inner points, and may be crossed if it
+        deviates from the cubic by more than its value and a tenth of its magnitude, or is below the cubic by more than
+        the lowest value of the latter.
         """
         watch, rates = self.compiled.events.watch, self.settling.rates
         g0, g1 = watch(t, x, z, *held), watch(t + h, x1, z1, *held)
         (rate0, noise), rate1 = rates(t, x, z, *held), rates(t + h, x1, z1, *held)[0]
-        found = []
+        found, turns = [], []
         for k in range(g0.numel()):
             a, b = h * rate0[k], h * rate1[k]
             has_minimum = ca.logic_and(ca.logic_and(a < 0, b > 0), ca.logic_and(g0[k] > noise[k], g1[k] >= 0))
             rise, fall = g1[k] - g0[k], ca.if_else(has_minimum, a - b, 1)
-            meet, low = (rise - b) / fall, a / fall
-            cubic = g0[k] + low * (a + low * (3 * rise - 2 * a - b + low * (a + b - 2 * rise)))
+            meet, square, cube = (rise - b) / fall, 3 * rise - 2 * a - b, a + b - 2 * rise
+            low = -a / ca.if_else(has_minimum, square + ca.sqrt(ca.fmax(square**2 - 3 * cube * a, 0)), 1)
+            cubic = g0[k] + low * (a + low * (square + low * cube))
             there = watch(t + meet * h, *self._interpolate(t, h, x, z, x1, z1, held, meet), *held)[k]
-            kink = ca.logic_and(meet <= share, there < 0)
-            found.append(ca.logic_and(has_minimum, ca.logic_or(kink, ca.logic_and(low <= share, cubic < 0))))
+            found.append(ca.logic_and(has_minimum, ca.logic_and(meet <= share, there < 0)))
+            turns.append((ca.logic_and(has_minimum, low <= share), cubic))
+        error: list[Any] = [0] * g0.numel()
         for position in _INSIDE:
             s = share * position
             inside = watch(t + s * h, *self._interpolate(t, h, x, z, x1, z1, held, s), *held)
@@ -378,12 +381,14 @@ class HybridStep:
                 rise, a, b = g1[k] - g0[k], h * rate0[k], h * rate1[k]
                 smooth = g0[k] + s * (a + s * (3 * rise - 2 * a - b + s * (a + b - 2 * rise)))
                 deviation, least = ca.fabs(inside[k] - smooth), ca.fmin(ca.fmin(g0[k], g1[k]), inside[k])
+                error[k] = ca.fmax(error[k], smooth - inside[k])
                 if self.method.name in IMPLICIT:  # rates at the ends may be those of fast transients
                     deviation = ca.fmin(deviation, ca.fabs(inside[k] - g0[k] - s * rise))
                 size = ca.fmax(g0[k], g1[k])
                 outside = ca.logic_and(g0[k] > noise[k], g1[k] >= 0)
                 jagged = ca.logic_and(deviation > least, deviation > _JAGGED * size)
                 found.append(ca.logic_and(outside, ca.logic_or(inside[k] < -noise[k], jagged)))
+        found += [ca.logic_and(turns[k][0], turns[k][1] < _FARTHEST * error[k]) for k in range(len(turns))]
         return any_of(found)
 
     def _crossing(self, s: Symbols, x1: Any, z1: Any, g0: Any, g1: Any, passed: Sequence[Any]) -> tuple[Any, Any, Any]:
