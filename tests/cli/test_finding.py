@@ -177,3 +177,9 @@ def test_a_name_that_is_not_imported_says_where_it_is() -> None:
 
 def test_completion_without_a_model_offers_nothing() -> None:
     assert _completed("simulate --set a", 3) == []
+
+
+@pytest.mark.parametrize("option", [("--set", "R=3"), ("--stats",), ("--spy", "x.png")])
+def test_what_a_component_alone_cannot_show_is_refused(option: tuple[str, ...]) -> None:
+    outcome = run("info", "Resistor", *option)
+    assert (outcome.code, f"{option[0]} needs a model" in outcome.err) == (2, True)

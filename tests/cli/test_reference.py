@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from acausal import Component, Real, parameter
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
 from acausal.errors import AcausalError, UsageError
@@ -94,6 +95,31 @@ def test_structural_values_become_constructor_arguments() -> None:
     assert len(model.resistors) == 7
     assert prepare(ThickBlock, ["as_printed=True"]).structural == {"as_printed": True}
     assert prepare(ThickBlock, ["force_profile=[(0, 0), (1, 2)]"]).structural["force_profile"] == ((0, 0), (1, 2))
+
+
+class Arrays(Component):
+    """A matrix whose shape is not that of its transpose, and a vector of pressures."""
+
+    M: Real = parameter(default=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)), shape=(2, 3))
+    p: Real = parameter(default=(1.0, 2.0), shape=2, unit="Pa")
+
+
+@pytest.mark.parametrize("text", ["[[1, 2, 3], [4, 5, 6]]", "((1,2,3),(4,5,6))", "[1,2,3],[4,5,6]", "1,2,3,4,5,6"])
+def test_rows_of_a_matrix(text: str) -> None:
+    values = prepare(Arrays, [f"M={text}"]).parameters["M"]
+    assert values == ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+
+
+def test_a_transposed_matrix_is_not_read_row_by_row() -> None:
+    """Three rows of two have as many entries as two rows of three; their values were taken in another order."""
+    with pytest.raises(UsageError, match=r"2 x 3 entries, not rows of 2, 2, 2") as error:
+        prepare(Arrays, ["M=[[1, 2], [3, 4], [5, 6]]"])
+    assert "M[0,0]" in str(error.value)
+
+
+def test_brackets_of_units_are_not_those_of_lists() -> None:
+    """1 kg/(m.s2) is one pascal."""
+    assert prepare(Arrays, ["p=[5 kg/(m.s2), 1 bar]"]).parameters["p"] == (5.0, 1e5)
 
 
 @pytest.mark.parametrize(

@@ -198,18 +198,43 @@ def _value(path: str, text: str, declaration: Declaration) -> Any:
     """A float, or the entries of an array, row-major; one number fills an array, but not a vector of three."""
     if not declaration.shape:
         return _scalar(path, text, declaration)
-    body = re.sub(r"[\[\]()]", " ", text)
-    entries = tuple(_scalar(path, entry, declaration) for entry in body.split(",") if entry.strip())
-    size = math.prod(declaration.shape)
-    if len(entries) == 1 and size > _SPACE:
+    shape, rows = declaration.shape, [_list(part) for part in _list(text)]
+    is_nested = any(_is_list(part) for part in _list(text))
+    entries = tuple(_scalar(path, entry, declaration) for row in rows for entry in row)
+    size = math.prod(shape)
+    if len(entries) == 1 and size > _SPACE and not is_nested:
         return entries * size
-    if len(entries) != size:
-        raise UsageError(
-            "AC006",
-            f"{path} has {size} entries, not {len(entries)}",
-            help=f"write --set '{path}=[{', '.join(['0.0'] * min(size, 9))}]', or one of its entries: {path}[0]=...",
+    if is_nested and (len(rows), *{len(row) for row in rows}) != shape:
+        fact = (
+            f"{path} has {' x '.join(map(str, shape))} entries, not rows of {', '.join(str(len(row)) for row in rows)}"
         )
-    return entries
+    elif len(entries) != size:
+        fact = f"{path} has {size} entries, not {len(entries)}"
+    else:
+        return entries
+    row = f"[{', '.join(['0.0'] * min(shape[-1], 9))}]"
+    whole = f"[{', '.join([row] * min(shape[0], 9))}]" if len(shape) > 1 else row
+    first = ",".join("0" * len(shape))
+    raise UsageError("AC006", fact, help=f"write --set '{path}={whole}', or one of its entries: {path}[{first}]=...")
+
+
+def _is_list(text: str) -> bool:
+    return text.strip()[:1] in ("[", "(")
+
+
+def _list(text: str) -> list[str]:
+    """The parts of `[a, b]`, `(a, b)` or `a, b`; commas inside brackets separate no parts, as in `[1, 2], [3, 4]`."""
+    parts, depth = [""], 0
+    for letter in text:
+        depth += (letter in "[(") - (letter in "])")
+        if letter == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    parts = [part.strip() for part in parts if part.strip()]
+    if len(parts) == 1 and _is_list(parts[0]) and parts[0][-1] in "])":
+        return _list(parts[0][1:-1])
+    return parts
 
 
 def _scalar(path: str, text: str, declaration: Declaration) -> float:

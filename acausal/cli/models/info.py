@@ -18,7 +18,7 @@ from acausal.cli.models.component import show_part
 from acausal.cli.models.names import flat_names, unit_of
 from acausal.cli.output.failure import exit_code
 from acausal.cli.output.report import place, quantity, record, remark, say, seconds, table
-from acausal.errors import AcausalError, Span, counted
+from acausal.errors import AcausalError, Span, UsageError, counted
 from acausal.flatten.instances.instances import instances
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Declaration, Kind
@@ -60,6 +60,10 @@ def info(
         check_picture(spy)
     cls, part = find_component(model)
     if part is not None:
+        for flag, given in (("--set", settings), ("--stats", stats), ("--spy", spy)):
+            if given:
+                fact = f"{flag} needs a model, and {part.name} is a component of the library"
+                raise UsageError("AC009", fact, help=f"put it into a model, or leave {flag} out")
         show_part(part, cls, as_json)
         return
     prepared = prepare(cls, settings or ())
