@@ -120,18 +120,15 @@ class Native:
         self.memory = _MEMORIES.setdefault(compiled, Memory())
         self.used: set[str] = set()
 
-    def integrator(
-        self, plugin: str, settings: Mapping[str, Any], most_steps: int = 10**6
-    ) -> Library[EventLoopProgram] | None:
+    def integrator(self, plugin: str, settings: Mapping[str, Any]) -> Library[EventLoopProgram] | None:
         """A whole integrator, "rosenbrock" or "erk"; that of an ODE can also integrate over time events.
 
         Tolerances and step are arguments of the program, so that all their values use the same library. Units of
-        algebraic variables are appended to its parameters (`in_units`). It takes `most_steps` between two output times.
+        algebraic variables are appended to its parameters (`in_units`).
         """
         fixed = {"step_size": 0.25} if settings.get("step_size") else {}
-        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": most_steps, **fixed}
+        neutral = {**settings, "reltol": 1e-6, "abstol": 1e-8, "max_num_steps": 10**6, **fixed}
         kind = f"{plugin}, fixed steps" if fixed else plugin
-        kind += f", at most {most_steps}" if most_steps < 10**6 else ""
 
         def text() -> str | None:
             dae, constants = self.equations

@@ -54,7 +54,7 @@ class RunStructure(ctypes.Structure):
         ("longest", ctypes.c_double),
         ("rates", ctypes.c_void_p),
         ("looked", ctypes.c_double),
-        *((name, ctypes.c_longlong) for name in ("slopes", "is_dip")),
+        *((name, ctypes.c_longlong) for name in ("slopes", "is_dip", "most")),
     )
 
 
@@ -80,17 +80,20 @@ class Program:
         first: float = 0.0,
         *,
         partial: bool = False,
+        most: int = 0,
     ) -> tuple[Vector, Vector, dict[str, Any]]:
         """Return states, shape (n, nx), and algebraic variables, shape (n, nz), on the grid from 0, and statistics.
 
-        `first` is the length of the first step, 0 to have it estimated. With `partial`, an integration that fails
-        returns the rows before that, and the statistics have an entry "stopped" with the message.
+        `first` is the length of the first step, 0 to have it estimated, and `most` the largest number of steps from row
+        to row, 0 for that of the library. With `partial`, an integration that fails returns the rows before that, and
+        the statistics have an entry "stopped" with the message.
 
         Raises RuntimeError: the integration cannot continue; the message says why.
         Raises Interrupted: on Ctrl-C, with the rows computed so far.
         """
         x, z = np.empty((len(grid), self.nx)), np.empty((len(grid), self.nz))
         run = _prepared(grid, reltol, abstol, step, first)
+        run.most = most
         run_address = ctypes.addressof(run)
         inputs = [np.ascontiguousarray(v, dtype=float) for v in (x0, z0, p)]
         arg = _pointers(self.sizes[0], [*(address(v) for v in inputs), run_address])

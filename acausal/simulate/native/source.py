@@ -60,6 +60,7 @@ struct acausal_run {
   double longest; /* step, 0 if there is no bound besides that of the integrator */
   double *rates, looked;
   long long slopes, is_dip; /* `is_dip`: whether the stop is at the lowest point of a guard */
+  long long most; /* steps between two rows, 0 if there is no bound besides that of the integrator */
 };
 /* The shorter one of two longest steps, of which 0 is none. */
 static double acausal_shorter(double a, double b) { return a > 0 && (a < b || !(b > 0)) ? a : b; }
@@ -116,6 +117,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     ),
     (rf"  p\.h_init = {_NUMBER};", "  p.h_init = run->first;"),
     (rf"  p\.h_max = ({_NUMBER});", r"  p.h_max = acausal_shorter(\g<1>, run->longest);"),
+    (r"  p\.max_num_steps = (\d+);", r"  p.max_num_steps = run->most > 0 ? run->most : \g<1>;"),
     (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
     (r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);", "acausal_to_row(&d, &rows, run, k);"),
     (

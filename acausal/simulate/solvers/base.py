@@ -62,7 +62,7 @@ MOST_STEPS = 10**6
 """Largest number of steps of a one-step method between two output times, as large as a long run may need."""
 
 SEARCHED_STEPS = 26
-"""The same between two mesh points of a search for events: ten, and sixteen where the first step is estimated."""
+"""The same from a mesh point to the next one: ten, and sixteen where the first step is estimated."""
 
 
 class CasadiSolver:
@@ -151,7 +151,8 @@ class CasadiSolver:
             p = np.concatenate([code.vector(problem.p, problem.u, problem.numbers(*point)), units])
             sizes = settings["reltol"], settings["abstol"], settings.get("step_size", 0.0)
             first = 0.0 if segment.step else segment.first
-            x, z, stats = code.run(x0, z0 / units, p, grid, *sizes, first, partial=segment.partial)
+            most = segment.most_steps if segment.partial or segment.step_budget else 0
+            x, z, stats = code.run(x0, z0 / units, p, grid, *sizes, first, partial=segment.partial, most=most)
             return x, z * units, stats
         elif kind == "equations":
             library = native.oracle(self.plugin, settings, None if segment.fractions is None else stretched)
@@ -205,13 +206,11 @@ class CasadiSolver:
         self, problem: Problem, segment: Segment, settings: Mapping[str, Any]
     ) -> Library[EventLoopProgram] | None:
         """Return the integrator as compiled C, if it is to be used for this segment."""
-        if not segment.partial and segment.step_budget is None:
-            return problem.native.integrator(self.plugin, settings)
         # of searches for events only those of held relations, which no compiled loop passes
-        is_held = problem.compiled.varied and not problem.compiled.algebraic
-        if not is_held or not segment.partial or segment.most_steps > SEARCHED_STEPS:
+        is_search = segment.partial or segment.step_budget is not None
+        if is_search and (problem.compiled.algebraic or not problem.compiled.varied):
             return None
-        return problem.native.integrator(self.plugin, settings, SEARCHED_STEPS)
+        return problem.native.integrator(self.plugin, settings)
 
 
 def on_equations(problem: Problem, segment: Segment, x: Vector, z: Vector) -> Vector:

@@ -51,6 +51,8 @@ _ONE_SIDED, _MOST_ITERATIONS = 2, 7
 # The factor of the distance of mesh points after a piece that has stopped, and the largest number of its powers after
 # several such pieces in a row.
 _SHRINKAGE, _MOST_SHRINKAGES = 0.2, 3
+# The factor after two intervals in a row in which guards may have been passed, but were not.
+_CLOSER = 0.25
 # One-step methods end a step at each mesh point, and restart at no cost: the first call of a stretch has few points
 # (`FIRST_POINTS`), each later one twice as many, and a run has at least so many. The least factor by which the distance
 # of mesh points changes from piece to piece, and the one if each of them took a single step.
@@ -138,6 +140,10 @@ class Search:
                 keep = int(np.searchsorted(part.times[:count], left, side="right"))
                 if not passed or not self._is_located(task, mesh, row, right - left):
                     finer = [(right, (right - left) / _DIVISION)]
+                    if not task.finer:
+                        if left <= task.looked_until:
+                            self.spacing = min(self.spacing, _CLOSER * (right - left))
+                        task.looked_until = right
                 elif not self._rests(task, mesh, row, piece, rows):
                     return self._arrival(task, mesh, row, part, piece)
             try:
@@ -238,7 +244,7 @@ class Search:
             length, fractions = meshing.growing(
                 horizon, np.inf, min(spacing, self.span / _FEWEST_IN_RUN), min(task.most_points, most), least
             )
-            first = min(task.shrink * self.pace, length)
+            first = min(self.pace, length) if task.shrink == 1.0 else 0.0  # it may be much too short, not only too long
             budget = task.steps_allowed if first else task.steps_allowed + SEARCHED_STEPS - MOST_STEPS
             return length, fractions, replace(part, first=first, step_budget=budget)
         first = self._first(task, part, horizon)
@@ -442,16 +448,18 @@ class Search:
                 self.openings[task.relations] = self.spacing
             return
         ramp = int(np.sum(gaps[1:] > 1.5 * gaps[:-1])) + 1
-        steps = piece.counters.get("steps", 0.0)
+        steps, widening = piece.counters.get("steps", 0.0), _WIDENING
         if self.solver.multistep:
             rate = max(steps - 3.0 * ramp, 0.02 * len(gaps)) / max(len(gaps) - ramp, 1)
             self.spacing = last * float(np.clip(_WANTED_STEPS / rate, 0.25, 100.0))
-        else:  # with one step each, points may be much too close
-            change = _WANTED_STEPS / (steps / len(gaps)) if steps > 1.2 * len(gaps) else _MOST_CHANGE
-            self.spacing = last * max(change, _LEAST_CHANGE)
+        else:  # with one step each, points may be much too close, unless compiled steps have several of them inside
+            rate = max(steps / len(gaps), 0.02)
+            change = max(_WANTED_STEPS / rate, _LEAST_CHANGE) if abs(rate - 1.0) > 0.2 else _MOST_CHANGE
+            widening = change if rate < 0.8 else _WIDENING
+            self.spacing = last * change
         if float(times[0]) == task.start.time:
             first_spacing = float(gaps[min(ramp, len(gaps) - 1)])
-            self.openings[task.relations] = first_spacing if times[-1] >= end else _WIDENING * first_spacing
+            self.openings[task.relations] = first_spacing if times[-1] >= end else widening * first_spacing
         self.pace = (times[-1] - times[0]) / steps if steps else self.pace
 
     def _accept(self, task: Task, part: Segment, piece: Piece, mesh: Mesh, keep: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -49,6 +50,7 @@ class Task:
     """The rest of a stretch, and the state of its search.
 
     `finer` are nested intervals that are sampled more finely: where each ends, and the distance of its points [s].
+    `looked_until` is where the last one of them has ended that is not nested [s].
     """
 
     segment: Segment
@@ -71,5 +73,6 @@ class Task:
     steps_from: float = 0.0
     steps: float = 0.0
     is_split: bool = False
+    looked_until: float = -math.inf
     relations: bytes = b""
     most_points: int = FIRST_POINTS
