@@ -92,7 +92,7 @@ class Problem:
         return scaled_equations(self.compiled, self.p, self.u)
 
     def solve_algebraic(self, segment: Stretch, x: Vector) -> Vector:
-        """Algebraic variables at the times of a segment whose states are `x`; shape (nz, n).
+        """Algebraic variables at the first n times of a segment whose states are `x`, shape (nx, n); shape (nz, n).
 
         They are followed from the start of the segment, and must agree with those that the rates were computed with.
 
@@ -102,12 +102,12 @@ class Problem:
             If they do not, because their branch ends: an integrator that eliminates them goes on with another branch.
         """
         nz = len(self.compiled.algebraic)
-        followed_z = np.empty((nz, len(segment.times)))
+        followed_z = np.empty((nz, x.shape[1]))  # fewer than times if the solver has stopped
         if nz == 0:
             return followed_z
         first = here = segment.z / self.scale_z
         before = segment.start, segment.x[: self.n_dynamic] / self.scale_x
-        for k, time in enumerate(segment.times.tolist()):
+        for k, time in enumerate(segment.times[: x.shape[1]].tolist()):
             states, numbers = x[: self.n_dynamic, k] / self.scale_x, self.vector(segment.p, x[:, k], 0.0)
             # the rootfinder in the rates also starts from the values at the start of the segment
             used = self._root(first, time, states, numbers)
