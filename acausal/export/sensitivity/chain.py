@@ -303,7 +303,7 @@ class Chain:
         s = Symbols(self.compiled)
         pieces = []
         for value in (self.observed(*s.inputs), regime.compiled.rhs(*s.inputs)[1]):
-            by_p = ca.jacobian(value, s.p)[:, self.chosen]
+            by_p = ca.jacobian(value, s.p[self.chosen])
             past = ca.jacobian(value, s.m)[:, self.slopes.memories.tolist()]
             pieces += [ca.horzcat(ca.jacobian(value, s.x), past), by_p, ca.jacobian(value, s.z)]
         return ca.Function("shown", s.inputs, [ca.vertcat(*(ca.vec(ca.densify(piece)) for piece in pieces))])

@@ -26,7 +26,7 @@ from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.events.guards import Moment
 
 _STEPS = frozenset(("sign", "floor", "ceil"))
-_HALVINGS = 60
+_HALVINGS = 40  # to a thousandth of the distances below
 # Sides are compared at two distances from the instant, in row intervals. A jump does not shrink with the distance (by
 # more than the given ratio), and is larger than rounding errors (relative to the rates).
 _FAR, _CLOSE, _SHRINKS, _ROUNDING = 1e-6, 1e-9, 0.5, 1e-7
@@ -123,24 +123,21 @@ class _Crossings:
 
     def jumps(self, i: int, s: float) -> bool:
         """Whether rates jump at a position in interval i."""
-        gap, regime = self._gap[i], self._of[i].regime
-        differences, size = [], np.zeros(0)
-        for distance in (_FAR, _CLOSE):
-            # do not limit positions to the interval: at a touch on a row, both distances would end on the row, and a
-            # steep force would look like a jump
-            left, right = (
-                self._chain.slopes.rate(regime, self.instant(i, position), self._at(i, position))
-                for position in (s - distance, s + distance)
-            )
-            differences.append(np.abs(right - left))
-            size = np.abs(left) + np.abs(right)
+        gap = self._gap[i]
         states = np.maximum(np.abs(self._x[:, i]).max(axis=0), self._chain.compiled.nominal_x)
-        found = (
-            (differences[1] > _ROUNDING * size)
-            & (differences[1] > _SHRINKS * differences[0])
-            & (gap * differences[1] > _NOTHING * states)
+        close, size = self._difference(i, s, _CLOSE)
+        found = (close > _ROUNDING * size) & (gap * close > _NOTHING * states)
+        return bool(found.any() and (found & (close > _SHRINKS * self._difference(i, s, _FAR)[0])).any())
+
+    def _difference(self, i: int, s: float, distance: float) -> tuple[Vector, Vector]:
+        """Difference of the rates at both sides of a position in interval i, and their size, shapes (nx,)."""
+        # do not limit positions to the interval: at a touch on a row, both distances would end on the row, and a steep
+        # force would look like a jump
+        left, right = (
+            self._chain.slopes.rate(self._of[i].regime, self.instant(i, position), self._at(i, position))
+            for position in (s - distance, s + distance)
         )
-        return bool(found.any())
+        return np.abs(right - left), np.abs(left) + np.abs(right)
 
     def _states(self, s: Vector | float, of: int | slice = slice(None)) -> Vector:
         """States at one position in each interval, shapes (n,) and (n, nx), or in one of them, (nx,)."""

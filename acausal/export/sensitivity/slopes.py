@@ -58,7 +58,7 @@ class Slopes:
 
         `key` identifies the function among those of a regime.
         """
-        regime_key = *key, regime.holds, regime.border
+        regime_key = *key, regime.holds, regime.border, tuple(self.chosen)
         slopes = self.kept(regime_key, lambda: self._slopes(regime, function))
         *partial, by_z, implied_x, implied_p, implied_t, implied_past, implied_z = slopes(
             t, moment.x, moment.z, self.u, self.p, moment.m
@@ -67,7 +67,7 @@ class Slopes:
             inner = by_z @ np.linalg.pinv(implied_z)
             implied = implied_x, implied_p, implied_t, implied_past
             partial = [a - inner @ b for a, b in zip(partial, implied, strict=True)]
-        return np.hstack([partial[0], partial[3]]), partial[1][:, self.chosen], partial[2].ravel()
+        return np.hstack([partial[0], partial[3]]), partial[1], partial[2].ravel()
 
     def variations_of(
         self, regime: Regime, key: tuple[Any, ...], function: Any, t: float, moment: Any, x: Vector, past: Vector
@@ -80,11 +80,11 @@ class Slopes:
         return np.asarray(found, dtype=np.float64)
 
     def _slopes(self, regime: Regime, function: Any) -> Matrices:
-        """Partial derivatives of a function and of the algebraic equations by x, p, t, values of `pre`, and z."""
+        """Partial derivatives of a function and of the algebraic equations by x, the chosen p, t, `pre` and z."""
         s, c = Symbols(self.compiled), regime.compiled
         pieces = []
         for value in (function(*s.inputs), c.rhs(*s.inputs)[1]):
-            pieces += [ca.jacobian(value, v) for v in (s.x, s.p, s.t)]
+            pieces += [ca.jacobian(value, v) for v in (s.x, s.p[self.chosen], s.t)]
             pieces += [ca.jacobian(value, s.m)[:, self.memories.tolist()], ca.jacobian(value, s.z)]
         return Matrices(ca.Function("slopes", s.inputs, [ca.densify(piece) for piece in pieces]))
 
