@@ -20,6 +20,14 @@ function formatted(value) {
   return String(Number(value.toPrecision(6)));
 }
 
+/* Dashes for a curve that would hide one before it for most of the time, as in `acausal/plot/plot.py`; all share rows. */
+function dashOver(curves, k) {
+  const finite = curves.flat().filter(Number.isFinite);
+  const near = 0.01 * (finite.reduce((a, b) => Math.max(a, b), -Infinity) - finite.reduce((a, b) => Math.min(a, b), Infinity));
+  const hides = (other) => curves[k].filter((v, i) => v !== null && other[i] !== null && Math.abs(v - other[i]) <= near).length > curves[k].length / 2;
+  return curves.slice(0, k).some(hides) ? [6, 4] : [];
+}
+
 function axisStyle(label) {
   const values = (plot, splits) => splits.map((v) => (v === null ? "" : formatted(Number(v.toPrecision(12)))));
   const axis = { values, stroke: pageColor("--faint"), grid: { stroke: pageColor("--line"), width: 0.5 }, ticks: { stroke: pageColor("--line") } };

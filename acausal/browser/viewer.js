@@ -144,7 +144,7 @@ const app = (() => {
       title.textContent = panel.title;
       place.appendChild(title);
       const data = [unpack(panel.time, 8), ...panel.signals.map((s) => Array.from(unpack(s.values), (v) => (isNaN(v) ? null : v)))];
-      const series = [{ label: "t [s]", value: (u, v) => formatted(v) }, ...panel.signals.map((s, k) => ({ label: s.name, stroke: COLORS[k % COLORS.length], width: 1.5, value: (u, v) => formatted(v), points: { show: false } }))];
+      const series = [{ label: "t [s]", value: (u, v) => formatted(v) }, ...panel.signals.map((s, k) => ({ label: s.name, stroke: COLORS[k % COLORS.length], width: 1.5, dash: dashOver(data.slice(1), k), value: (u, v) => formatted(v), points: { show: false } }))];
       const options = {
         width: Math.max(240, place.clientWidth - 14), height: 150, pxAlign: 0, series, axes: [axisStyle(), axisStyle(panel.unit)],
         scales: { x: { time: false } }, cursor: { y: false, drag: { x: false, y: false } }, legend: { live: true },

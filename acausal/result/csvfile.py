@@ -95,7 +95,8 @@ def read_sheet(path: Path) -> Sheet:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise UsageError("AC014", f"cannot read {path}: {reason}") from error
+        help_ = "save the file as UTF-8" if isinstance(error, UnicodeDecodeError) else None
+        raise UsageError("AC014", f"cannot read {path}: {reason}", help=help_) from error
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if len(lines) < 2:
         raise UsageError("AC045", f"{path} has no row of numbers", help="a row of names, then one row per instant")

@@ -70,13 +70,15 @@ def test_the_controls_move_the_scene(tmp_path: Path) -> None:
       app.seek(1e9);
       const end = [app.time, document.getElementById("clock").textContent];
       app.seek(-5);
-      return {moved, end, begin: app.time};
+      const curves = [[0, 1, 2], [0, 1, 2], [2, 1, 0]];
+      return {moved, end, begin: app.time, dashes: curves.map((c, k) => dashOver(curves, k).length)};
     """
     found = probe(page, script, tmp_path)
     assert found["moved"] == pytest.approx(1.0, abs=2e-3)
     assert found["end"][0] == 2.0
     assert found["end"][1].startswith("2.0")
     assert found["begin"] == 0.0
+    assert found["dashes"] == [0, 2, 0]  # a curve equal to the first is dashed, so that the first one is seen
 
 
 def test_the_page_asks_for_nothing_from_outside() -> None:
