@@ -128,11 +128,10 @@ def _outline(ax: Axes, blocks: Sequence[tuple[int, int, BlockKind]]) -> None:
     """Frames around blocks of more than one unknown, and around single ones that are iterated."""
     shown = [b for b in blocks if b[1] > 1 or b[2] != "explicit"]
     shown = sorted(shown, key=lambda b: -b[1])[:_MOST_OUTLINES]
-    for kind in dict.fromkeys(block[2] for block in shown):
+    for kind, color in _COLOR.items():
         frames = [Rectangle((first - 0.5, first - 0.5), size, size) for first, size, k in shown if k == kind]
-        ax.add_collection(
-            PatchCollection(frames, facecolor=_COLOR[kind], edgecolor=_COLOR[kind], alpha=0.28, lw=0.8, zorder=0.5)
-        )
+        if frames:
+            ax.add_collection(PatchCollection(frames, facecolor=color, edgecolor=color, alpha=0.28, lw=0.8, zorder=0.5))
 
 
 def _legend(blocks: Sequence[tuple[int, int, BlockKind]]) -> list[Patch]:
