@@ -34,7 +34,7 @@ from acausal.simulate.solvers.base import growth
 from acausal.simulate.solvers.segment import Piece, Segment
 
 Explain = Callable[[list[int], list[int]], tuple[Cause, ...]]
-Clears = Callable[[Segment, Piece], bool]
+Clears = Callable[[Segment, Piece, bool], bool]
 # The number of successive calls without progress after which no more are made.
 _MOST_EMPTY_CALLS = 8
 
@@ -77,7 +77,7 @@ def suits_event_loop(problem: Problem, solver: Solver) -> bool:
         # within steps the loop searches the turning points and middles of steep functions, and so misses a pulse that
         # underflows on both sides (1/cosh); a method that evaluates slopes fails there, an explicit one would go on
         and not (solver.explicit and compiled.is_steep)
-        # it looks at guards at the ends of steps, within which phases may swing there and back
+        # it looks at guards at the ends of steps, which nothing keeps short where no rate depends on their arguments
         and not must_be_searched(compiled)
     )
 
@@ -93,8 +93,9 @@ class EventLoop:
     """The compiled event loop of one run.
 
     `explain` describes the relations and clauses with given numbers. `bounces` is updated by each call. `trace` is
-    called with every event. Only the part of a call that `clears` accepts is used. `memory` is that of a loop of an
-    equal system, and is used if it is large enough.
+    called with every event. Only the part of a call that `clears` accepts is used; it is given the solution of each
+    stretch, and whether the loop's own search for steep functions is in doubt. `memory` is that of a loop of an equal
+    system, and is used if it is large enough.
     """
 
     def __init__(
@@ -195,7 +196,7 @@ class EventLoop:
 
     def _events_before_miss(self, loop: EventLoopStructure, start: LoopState) -> int | None:
         """The number of events before the first stretch that may have missed something; None if there is none."""
-        if self.clears is None or not any(self.memory.stretch_doubts[: loop.stretches].tolist()):
+        if self.clears is None:
             return None
         first = 0
         for k, last in enumerate(self.memory.trail_end[: loop.stretches].tolist()):
@@ -206,11 +207,9 @@ class EventLoop:
                 t, x, m = float(self.memory.row_time[row]), self.memory.row_x[row], self.memory.row_m[row]
             times, x_rows = self.memory.trail_time[first:last], self.memory.trail_x[first:last].T
             first = last
-            if not self.memory.stretch_doubts[k]:
-                continue
             segment = replace(self.template, start=t, times=times, x=x, p=m)
             piece = Piece(x_rows, np.zeros((0, len(times))), {"steps": float(self.memory.stretch_steps[k])})
-            if len(times) and not self.clears(segment, piece):
+            if len(times) and not self.clears(segment, piece, bool(self.memory.stretch_doubts[k])):
                 return events
         return None
 

@@ -19,6 +19,7 @@ from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.arrival import Arrival
+from acausal.simulate.events.location.phases import may_pulse, shows_pulses
 from acausal.simulate.events.location.search import Search
 from acausal.simulate.events.loop_equations import compiled_program
 from acausal.simulate.events.regime import Regime
@@ -150,7 +151,7 @@ class Hybrid:
         if not self._suits_event_loop:
             return None
         parts = self.problem, self.recorder, schedule, self.template, self.span, self.bounces, self._causes
-        clears = None if self.missed_events is None else self._clears
+        clears = self._clears if self.missed_events is not None or may_pulse(self.problem.compiled) else None
         kind = id(self.problem.compiled.common)
         self._loop = EventLoop(*parts, self._trace if self.traced else None, clears, self.memories.get(kind))
         self.memories[kind] = self._loop.memory
@@ -341,10 +342,11 @@ class Hybrid:
         """Whether stretches in which these relations hold have to be searched, because others were not cleared."""
         return self._uncleared.get(m[self.guards.first :].tobytes(), 0) >= _MOST_UNCLEARED
 
-    def _clears(self, segment: Segment, piece: Piece, problem: Problem | None = None) -> bool:
-        """Whether a solution of a stretch has missed nothing."""
-        assert self.missed_events is not None, "called only for steep functions"
-        if self.missed_events.clears(problem or self.problem, segment, piece):
+    def _clears(self, segment: Segment, piece: Piece, is_in_doubt: bool) -> bool:
+        """Whether a solution of the compiled loop in a stretch has missed nothing."""
+        missed = self.missed_events if is_in_doubt else None
+        is_clear = missed is None or missed.clears(self.problem, segment, piece)
+        if is_clear and shows_pulses(self.problem, segment, piece):
             return True
         relations = segment.p[self.guards.first :].tobytes()
         self._uncleared[relations] = self._uncleared.get(relations, 0) + 1
