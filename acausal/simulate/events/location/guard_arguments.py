@@ -38,7 +38,7 @@ WINDING, FACTOR = "winding", "factor"
 
 @dataclass(frozen=True, eq=False)
 class Arguments:
-    """Arguments in the guards of a model: phases, and those of steep functions that steps need not resolve.
+    """Arguments in the guards of a model: phases, those of steep functions, and relations of a high degree.
 
     `function`, `column`: (t, x, z, u, p, m) -> arguments, shape (n,).
     `exponents`: (t, x, z, u, p, m) -> exponents of powers that parabolas do not show, one for other functions; (n,).
@@ -70,6 +70,11 @@ class Arguments:
         """Which are arguments of steep functions; shape (n,)."""
         return np.asarray(~self.is_phase & ~self.is_winding)
 
+    @cached_property
+    def is_unresolved(self) -> Truth:
+        """Which of these need not be resolved, because rates do not depend on them as some relations hold; (n,)."""
+        return np.asarray(self.is_steep & ~np.array(self.resolved))
+
 
 _MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
 
@@ -98,12 +103,11 @@ def _made(compiled: CompiledModel) -> Arguments | None:
         found[key] = False, False
     for n in sorted(guarded & moving):
         op, *operands = pool.nodes[n]
-        if op not in _PERIODIC and (n in resolved or op not in _ARGUMENT):
+        if op not in _PERIODIC and op not in _ARGUMENT:
             continue
-        steep = _key(pool, op, operands, moving)
-        if steep is not None:
-            is_effective, is_resolved = found.get(steep, (True, True))
-            found[steep] = is_effective and n in effective, is_resolved and n in resolved
+        for sampled in _sampled(pool, definitions, op, operands, moving):
+            is_effective, is_resolved = found.get(sampled, (True, True))
+            found[sampled] = is_effective and n in effective, is_resolved and n in resolved
     if not found:
         return None
     nodes = sorted({n for _, operands in found for n in operands})
@@ -124,20 +128,42 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     )
 
 
-def _key(pool: Pool, op: str, operands: Sequence[int], moving: set[int]) -> tuple[str, tuple[int, ...]] | None:
-    """The function and the operands of its argument; None if it comes and goes no faster than its argument moves."""
+def _sampled(
+    pool: Pool, definitions: Mapping[int, int], op: str, operands: Sequence[int], moving: set[int]
+) -> list[tuple[str, tuple[int, ...]]]:
+    """The function and the operands of its arguments; none if it comes and goes no faster than its argument moves."""
     if op == "pow" and operands[1] in moving:
-        return "power", tuple(operands)
+        return [("power", tuple(operands))]
     n = operands[_ARGUMENT.get(op, 0)]
-    inside, *bounded = pool.nodes[n]
-    if inside == "max" and pool.nodes[bounded[1]][0] == "const":  # keeps a function from underflow
-        n = bounded[0]
     if n not in moving:
-        return None
-    if op != "pow":
-        return op, (n,)
-    exponent = pool.nodes[operands[1]]
-    return None if exponent[0] == "const" and 0.0 <= exponent[1] < _LOW_POWER else (op, (n, operands[1]))
+        return []
+    if op in _PERIODIC:
+        return [(op, (n,))]
+    exponent = operands[1:] if op == "pow" else []
+    node = pool.nodes[exponent[0]] if exponent else ("", 0.0)
+    if node[0] == "const" and 0.0 <= node[1] < _LOW_POWER:
+        return []
+    return [(op, (k, *exponent)) for k in _beneath_extremes(pool, definitions, n) if k in moving]
+
+
+def _beneath_extremes(pool: Pool, definitions: Mapping[int, int], argument: int) -> list[int]:
+    """An argument, or the operands of `minimum` and `maximum` in it, which hide where it turns.
+
+    The compiler bounds exponents, too (`acausal.analyse.events.underflow`): between mesh points on both sides of a
+    pulse, `maximum(-v**2, -300)` is constant.
+    """
+    found, pending, seen = list[int](), [argument], set[int]()
+    while pending:
+        here = pending.pop()
+        if here in seen:
+            continue
+        seen.add(here)
+        op = pool.nodes[here][0]
+        inner = _operands(pool, definitions, here) if op in ("min", "max", "var") else []
+        pending += inner
+        if not inner:
+            found.append(here)
+    return found
 
 
 def _argument(op: str, operands: Sequence[Any]) -> tuple[Any, Any]:

@@ -30,6 +30,8 @@ _LARGEST_ADVANCE = np.pi / 16
 # The same where rates depend on the phase: the error control resolves it, unless its part of the rates is small.
 # Where they depend on it only as some relations hold, an eighth of a period, by which compiled loops bound their steps.
 _RESOLVED_ADVANCE, _EFFECTIVE_ADVANCE = np.pi, np.pi / 4
+# The fraction of the change of a steep function that counts where rates depend on it, so that steps are short there.
+_RESOLVED_FRACTION = 0.5
 # The fraction of the largest distance of mesh points that is aimed at, and the shortest interval that is divided, in
 # distances of instants that coincide.
 _WITHIN, _FEW = 0.7, 16.0
@@ -42,20 +44,20 @@ def must_be_searched(compiled: CompiledModel) -> bool:
 
 
 def may_pulse(compiled: CompiledModel) -> bool:
-    """Whether guards have steep functions, so that solutions of a compiled loop have to be tested (`shows_pulses`)."""
+    """Whether guards have steep functions that steps may pass over: solutions of a compiled loop have to be tested."""
     known = guard_arguments(compiled)
-    return known is not None and bool(known.is_steep.any())
+    return known is not None and bool(known.is_unresolved.any())
 
 
 def shows_pulses(problem: Problem, segment: Segment, piece: Piece) -> bool:
     """Whether the rows of a solution are so close that no steep function of a guard comes and goes between two."""
     found = guard_arguments(problem.compiled)
-    if found is None or not found.is_steep.any():
+    if found is None or not found.is_unresolved.any():
         return True
     times, x = np.append(segment.start, segment.times), np.column_stack([segment.x, piece.x])
     values = found.function.many(times[:, None], x.T, np.zeros((len(times), 0)), problem.u, problem.p, segment.p)
     exponents = found.exponents.many(times[:1], segment.x, segment.z, problem.u, problem.p, segment.p)[0]
-    change = changes(times, values, found.operations, exponents, found.is_steep)
+    change = changes(times, values, found.operations, exponents, found.is_unresolved)
     return not (change[np.diff(times) > 0.0] > 1.0).any()
 
 
@@ -91,6 +93,7 @@ def first_swing(
     advance = np.abs(np.diff(values[:, found.is_phase], axis=0)) / _advances(found)
     advance = advance.max(axis=1, initial=0.0)
     exponents = found.exponents.many(times[:1], segment.x, segment.z, problem.u, problem.p, moment.m)[0]
+    exponents *= np.where(found.resolved, _RESOLVED_FRACTION, 1.0)
     steep, winding = (
         changes(times, values, found.operations, exponents, chosen) for chosen in (found.is_steep, found.is_winding)
     )
