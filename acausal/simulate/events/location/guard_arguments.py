@@ -84,7 +84,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     symbols = Symbols(compiled)
     builder = symbols.defined(compiled)
     graph = GuardGraph(compiled, builder.pool)
-    found = dict.fromkeys(windings(graph), (False, False))
+    found: dict[tuple[str, tuple[int, ...]], tuple[bool, bool]] = {key: (False, False) for key in windings(graph)}
     for n in sorted(graph.guarded & graph.moving):
         for sampled in _sampled(graph, n):
             is_effective, is_resolved = found.get(sampled, (True, True))
