@@ -13,7 +13,7 @@ import casadi as ca
 
 Range = tuple[float, float]
 _ALL = (-math.inf, math.inf)
-_TRUTH = (0.0, 1.0)
+_TRUE, _FALSE = (1.0, 1.0), (0.0, 0.0)
 
 
 class Enclosure:
@@ -95,13 +95,25 @@ def _rising(f: Callable[[float], float]) -> Callable[[Range], Range]:
 
 def _choice(condition: Range, a: Range) -> Range:
     """Bounds of `a` where a condition holds, and zero elsewhere."""
-    if condition == (1.0, 1.0):
+    if condition == _TRUE:
         return a
-    return (0.0, 0.0) if condition == (0.0, 0.0) else (min(a[0], 0.0), max(a[1], 0.0))
+    return (0.0, 0.0) if condition == _FALSE else (min(a[0], 0.0), max(a[1], 0.0))
 
 
-def _less(a: Range, b: Range) -> Range:
-    return (1.0, 1.0) if a[1] < b[0] else (0.0, 0.0) if a[0] > b[1] else _TRUTH
+def _truth(holds: bool, fails: bool) -> Range:
+    return _TRUE if holds else _FALSE if fails else (0.0, 1.0)
+
+
+def _both(a: Range, b: Range) -> Range:
+    return _truth(a == b == _TRUE, _FALSE in (a, b))
+
+
+def _negated(a: Range) -> Range:
+    return _truth(a == _FALSE, a == _TRUE)
+
+
+def _same(a: Range, b: Range) -> Range:
+    return _truth(a[0] == a[1] == b[0] == b[1], a[1] < b[0] or b[1] < a[0])
 
 
 _RULES: dict[int, Callable[..., Range]] = {
@@ -128,12 +140,12 @@ _RULES: dict[int, Callable[..., Range]] = {
     ca.OP_COSH: lambda a: _rising(math.cosh)(_magnitude(a)),
     ca.OP_SIN: lambda a: (-1.0, 1.0),
     ca.OP_COS: lambda a: (-1.0, 1.0),
-    ca.OP_LT: _less,
-    ca.OP_LE: _less,
-    ca.OP_EQ: lambda a, b: _TRUTH,
-    ca.OP_NE: lambda a, b: _TRUTH,
-    ca.OP_NOT: lambda a: (1.0 - a[1], 1.0 - a[0]) if a[0] >= 0.0 and a[1] <= 1.0 else _TRUTH,
-    ca.OP_AND: lambda a, b: _TRUTH,
-    ca.OP_OR: lambda a, b: _TRUTH,
+    ca.OP_LT: lambda a, b: _truth(a[1] < b[0], a[0] >= b[1]),
+    ca.OP_LE: lambda a, b: _truth(a[1] <= b[0], a[0] > b[1]),
+    ca.OP_EQ: _same,
+    ca.OP_NE: lambda a, b: _negated(_same(a, b)),
+    ca.OP_NOT: _negated,
+    ca.OP_AND: _both,
+    ca.OP_OR: lambda a, b: _negated(_both(_negated(a), _negated(b))),
     ca.OP_IF_ELSE_ZERO: _choice,
 }

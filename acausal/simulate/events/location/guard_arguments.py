@@ -48,6 +48,8 @@ class Arguments:
     resolved: tuple[bool, ...]
     windings: Enclosure | None
     """Of the arguments of `WINDING`; None if there are none."""
+    wound: tuple[int, ...]
+    """The number of the relation of each of these."""
 
     @cached_property
     def is_phase(self) -> Truth:
@@ -58,6 +60,11 @@ class Arguments:
     def is_winding(self) -> Truth:
         """Which are relations of a high degree, or factors of them; shape (n,)."""
         return np.array([op in (WINDING, FACTOR) for op in self.operations])
+
+    @cached_property
+    def is_wound(self) -> Truth:
+        """Which are relations of a high degree; shape (n,)."""
+        return np.array([op == WINDING for op in self.operations])
 
     @cached_property
     def is_steep(self) -> Truth:
@@ -106,6 +113,7 @@ def _made(compiled: CompiledModel) -> Arguments | None:
         effective_ones,
         resolved_ones,
         Enclosure(ca.Function("windings", symbols.inputs, [column[winding]])) if winding else None,
+        tuple(compiled.state_events.relations.index(n) for op, (n, *_) in found if op == WINDING),
     )
 
 
@@ -150,7 +158,7 @@ def _beneath_extremes(graph: GuardGraph, argument: int) -> list[int]:
 def _argument(op: str, operands: Sequence[Any]) -> tuple[Any, Any]:
     """The argument of a function, and the exponent of a power that parabolas do not show, or one."""
     if op == WINDING:
-        return operands[0] - operands[1], ca.SX(1)
+        return operands[1] - operands[2], ca.SX(1)
     if op == "power":
         return operands[1] * ca.log(ca.fmax(ca.fabs(operands[0]), _LEAST)), ca.SX(1)
     if op == "pow":  # the exponent may be a parameter

@@ -9,6 +9,7 @@ where mesh points are too far apart.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Truth, Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.guards import Moment
+from acausal.simulate.events.guards import LOCATED, Guards, Moment
 from acausal.simulate.events.location.between import lower_bounds
 from acausal.simulate.events.location.changes import changes
 from acausal.simulate.events.location.guard_arguments import Arguments, guard_arguments
@@ -74,7 +75,14 @@ def turning_rate(compiled: CompiledModel, t: Any, x: Any, others: Sequence[Any])
 
 
 def first_swing(
-    moment: Moment, segment: Segment, times: Vector, piece: Piece, rows: NDArray[np.int64], until: int, shortest: float
+    guards: Guards,
+    moment: Moment,
+    segment: Segment,
+    times: Vector,
+    piece: Piece,
+    rows: NDArray[np.int64],
+    until: int,
+    shortest: float,
 ) -> tuple[int | None, float]:
     """The first of some intervals in which a phase advances too far, or a steep function changes too much, or None.
 
@@ -101,37 +109,56 @@ def first_swing(
     swung = (advance > 1.0) | (steep > 1.0)
     may_wind = np.flatnonzero(is_long & ~swung & (winding > 1.0))
     if len(may_wind):
-        swung[may_wind] = _winds(found, moment, times, x, z, may_wind)
+        swung[may_wind] = _winds(found, guards, moment, (times, x, z), values, may_wind)
     k = int(np.argmax(swung & is_long))
     if not (swung[k] and is_long[k]):
         return None, np.inf
     return k, _WITHIN * float(times[k + 1] - times[k]) / float(advance[k]) if advance[k] > 1.0 else np.inf
 
 
-def _winds(found: Arguments, moment: Moment, times: Vector, x: Vector, z: Vector, rows: NDArray[np.int64]) -> Truth:
-    """Whether relations of a high degree may be passed after some rows, by the bounds of states; up to the first."""
+def _winds(
+    found: Arguments,
+    guards: Guards,
+    moment: Moment,
+    points: tuple[Vector, Vector, Vector],
+    values: Vector,
+    rows: NDArray[np.int64],
+) -> Truth:
+    """Whether relations of a high degree may be passed after some rows, by the bounds of states; up to the first.
+
+    `points`: Times, states and algebraic variables at all rows; shapes (n,), (nx, n) and (nz, n).
+    `values`: The arguments there; shape (n, k).
+    """
     winds = np.zeros(len(rows), dtype=bool)
     if found.windings is None:
         return winds
-    problem = moment.regime.problem
-    known = [[(v, v) for v in values.tolist()] for values in (problem.u, problem.p, moment.m)]
-    columns = [
-        np.stack(
-            [
-                np.fmin(lower_bounds(times, v), np.fmin(v[1:], v[:-1])),
-                np.fmax(-lower_bounds(times, -v), np.fmax(v[1:], v[:-1])),
-            ],
-            axis=-1,
-        )
-        for v in (x.T, z.T)
-    ]
+    (times, x, z), problem = points, moment.regime.problem
+    free = {int(r): k for k, (r, side) in enumerate(moment.regime.active_set.owners) if side < 0}
+    known = [[(v, v) for v in numbers.tolist()] for numbers in (problem.u, problem.p, moment.m)]
+    boxes = _boxes(times, x.T), _boxes(times, z.T)
     for j, k in enumerate(rows.tolist()):
-        states = [list(map(tuple, c[k].tolist())) for c in columns]
+        states = [list(map(tuple, box[k].tolist())) for box in boxes]
         bounds = found.windings.bounds([[(float(times[k]), float(times[k + 1]))], *states, *known])
-        if any(low <= 0.0 <= high for low, high in bounds):
-            winds[j] = True
+        passed = [
+            (n, free[r])
+            for n, (r, (low, high)) in enumerate(zip(found.wound, bounds, strict=True))
+            if r in free and low <= 0.0 <= high
+        ]
+        if passed:
+            numbers, owners = map(list, zip(*passed, strict=True))
+            noise = LOCATED * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][owners]
+            # one that rests on zero is not passed
+            winds[j] = (np.abs(values[k : k + 2, found.is_wound][:, numbers]) > noise).any()
+        if winds[j]:
             break
     return winds
+
+
+def _boxes(times: Vector, values: Vector) -> Vector:
+    """Bounds of some values in each of n intervals, from those at their ends, shape (n + 1, k); shape (n, k, 2)."""
+    low = np.fmin(lower_bounds(times, values), np.fmin(values[1:], values[:-1]))
+    high = np.fmax(-lower_bounds(times, -values), np.fmax(values[1:], values[:-1]))
+    return np.stack([low, high], axis=-1)
 
 
 def _advances(found: Arguments) -> Vector:

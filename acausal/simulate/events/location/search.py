@@ -376,9 +376,8 @@ class Search:
     ) -> tuple[int, bool] | None:
         """`found`, or an interval up to there in which a phase advances so far that the guards between are unknown."""
         times, until = mesh.times[mesh.start :], len(rows) if found is None else found[0] - mesh.start + 1
-        k, spacing = first_swing(
-            task.moment, task.segment, times, piece, rows, until, meshing.resolution(float(times[0]), self.span)
-        )
+        shortest = meshing.resolution(float(times[0]), self.span)
+        k, spacing = first_swing(self.guards, task.moment, task.segment, times, piece, rows, until, shortest)
         if k is None or len(task.finer) >= _DEEPEST:
             return found
         self.spacing = min(self.spacing, spacing)

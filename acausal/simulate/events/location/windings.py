@@ -11,7 +11,7 @@ import math
 from acausal.simulate.events.location.guard_graph import GuardGraph
 
 WINDING, FACTOR = "winding", "factor"
-"""Operations of a relation of a high degree, whose argument is the difference of its sides, and of a factor in it."""
+"""Operations of a relation of a high degree, with itself and its sides as operands, and of a factor in it."""
 # The degree up to which polynomials show relations, and the most factors of one whose zeros are sampled.
 _MOST_DEGREE, _MOST_FACTORS = 3, 16
 
@@ -25,7 +25,7 @@ def windings(graph: GuardGraph) -> list[tuple[str, tuple[int, ...]]]:
         of, within = [degrees.get(k, 0) for k in inner], set[int]().union(*(factors.get(k, ()) for k in inner))
         if n in graph.relations:
             if max(of) > _MOST_DEGREE:
-                found[WINDING, tuple(inner)] = None
+                found[WINDING, (n, *inner)] = None
                 found |= {(FACTOR, (k,)): None for k in within if len(within) <= _MOST_FACTORS}
         elif n in graph.moving:
             degrees[n] = 1 if n in graph.effective or not inner else _degree(graph, n, of)
