@@ -15,6 +15,7 @@ from scipy.integrate import quad
 
 import acausal
 from acausal import Component, Equations, Expr, Real, der, fixed, maximum, parameter, variable, where
+from tests.marks import slow_but
 
 _CENTRE = 0.51234
 
@@ -67,7 +68,9 @@ class Switched(Gaussian):
 
 @pytest.mark.parametrize("native", [False, True])
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas"])
-@pytest.mark.parametrize("kind", [Gaussian, Resonance, Plateau, PowerOfTwo, Logarithm, OneSided, Switched])
+@pytest.mark.parametrize(
+    "kind", slow_but([Gaussian, Resonance, Plateau, PowerOfTwo, Logarithm, OneSided, Switched], Gaussian, OneSided)
+)
 def test_momentum_does_not_depend_on_the_width(kind: type[Gaussian], solver: str, native: bool) -> None:
     """Without the search, solvers passed over profiles of a ten-thousandth of the run: no momentum, and no event."""
     model = kind()
