@@ -19,6 +19,7 @@ from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.arrival import Arrival
+from acausal.simulate.events.location.patience import MOST_LOOKS
 from acausal.simulate.events.location.phases import may_pulse, shows_pulses
 from acausal.simulate.events.location.search import Search
 from acausal.simulate.events.loop_equations import compiled_program
@@ -51,6 +52,11 @@ _MOST_TURNS, _OVERSHOOT = 8, 1.5
 # The cost of an interpreted call of a one-step method, with its share of guards and events in Python, in evaluations: a
 # millisecond. By it a run of 4000 switchings is compiled on its way, after which they take 10 us each.
 _CALL_OVERHEAD = 600.0
+
+_UNSAMPLED = (
+    f"looked at {MOST_LOOKS} times in a hundredth of the run in vain, and from then on only where steps of the solver "
+    "end, between which it may be passed there and back; max_step bounds them"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -365,6 +371,8 @@ class Hybrid:
             self.search.pace = self.pace
             reached = self.search.to_event(segment, moment, self.band(segment.start, moment), self._gap, record)
             self.pace = self.search.pace
+            for relation in sorted(self.search.patience.lost):
+                self._note(f"{self.guards.texts[relation]}: {_UNSAMPLED}")
             if reached.time is not None:
                 self._check_size(reached, moment)
         if not self.is_delayed:

@@ -23,6 +23,8 @@ from acausal.simulate.events.guards import LOCATED, Guards, Moment
 from acausal.simulate.events.location.between import lower_bounds
 from acausal.simulate.events.location.changes import changes
 from acausal.simulate.events.location.guard_arguments import Arguments, guard_arguments
+from acausal.simulate.events.location.mesh import resolution
+from acausal.simulate.events.location.patience import Patience
 from acausal.simulate.solvers.segment import Piece, Segment
 
 # The largest change of a phase between two mesh points [rad]. With 32 points in each period, the parabolas through them
@@ -76,20 +78,20 @@ def turning_rate(compiled: CompiledModel, t: Any, x: Any, others: Sequence[Any])
 
 def first_swing(
     guards: Guards,
+    patience: Patience,
     moment: Moment,
     segment: Segment,
     times: Vector,
     piece: Piece,
     rows: NDArray[np.int64],
     until: int,
-    shortest: float,
 ) -> tuple[int | None, float]:
     """The first of some intervals in which a phase advances too far, or a steep function changes too much, or None.
 
     And a better distance of mesh points if a phase does [s], inf else: what is steep is so for a moment.
 
     `times`: The start of the segment and n mesh points, shape (n + 1,), which are the `rows` of a piece, shape (n,).
-    `until`, `shortest`: The first `until` intervals count, unless they are nearly as short as `shortest` [s].
+    `until`: The first so many intervals count, unless they are nearly as short as instants that coincide.
     """
     problem = moment.regime.problem
     found = guard_arguments(problem.compiled)
@@ -105,11 +107,11 @@ def first_swing(
     steep, winding = (
         changes(times, values, found.operations, exponents, chosen) for chosen in (found.is_steep, found.is_winding)
     )
-    is_long = np.diff(times) > _FEW * shortest
+    is_long = np.diff(times) > _FEW * resolution(float(times[0]), guards.span)
     swung = (advance > 1.0) | (steep > 1.0)
     may_wind = np.flatnonzero(is_long & ~swung & (winding > 1.0))
     if len(may_wind):
-        swung[may_wind] = _winds(found, guards, moment, (times, x, z), values, may_wind)
+        swung[may_wind] = _winds(found, guards, patience, moment, (times, x, z), values, may_wind)
     k = int(np.argmax(swung & is_long))
     if not (swung[k] and is_long[k]):
         return None, np.inf
@@ -119,6 +121,7 @@ def first_swing(
 def _winds(
     found: Arguments,
     guards: Guards,
+    patience: Patience,
     moment: Moment,
     points: tuple[Vector, Vector, Vector],
     values: Vector,
@@ -133,7 +136,8 @@ def _winds(
     if found.windings is None:
         return winds
     (times, x, z), problem = points, moment.regime.problem
-    free = {int(r): k for k, (r, side) in enumerate(moment.regime.active_set.owners) if side < 0}
+    owners = enumerate(moment.regime.active_set.owners)
+    free = {int(r): k for k, (r, side) in owners if side < 0 and r not in patience.lost}
     known = [[(v, v) for v in numbers.tolist()] for numbers in (problem.u, problem.p, moment.m)]
     boxes = _boxes(times, x.T), _boxes(times, z.T)
     for j, k in enumerate(rows.tolist()):
@@ -145,11 +149,12 @@ def _winds(
             if r in free and low <= 0.0 <= high
         ]
         if passed:
-            numbers, owners = map(list, zip(*passed, strict=True))
-            noise = LOCATED * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][owners]
+            numbers, columns = map(list, zip(*passed, strict=True))
+            noise = LOCATED * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][columns]
             # one that rests on zero is not passed
             winds[j] = (np.abs(values[k : k + 2, found.is_wound][:, numbers]) > noise).any()
         if winds[j]:
+            patience.look(float(times[k]), [found.wound[n] for n in numbers])
             break
     return winds
 

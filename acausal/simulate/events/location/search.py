@@ -26,6 +26,7 @@ from acausal.simulate.events.location.arrival import Arrival
 from acausal.simulate.events.location.between import LeftGuards, lowest, root
 from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
+from acausal.simulate.events.location.patience import Patience
 from acausal.simulate.events.location.phases import first_swing
 from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task
 from acausal.simulate.events.location.withdrawn import Withdrawn
@@ -89,6 +90,9 @@ class Search:
     pace: float = 0.0
     openings: dict[bytes, float] = field(default_factory=dict)
     """The distance of the first mesh points of a stretch [s], for each set of relations that hold in it."""
+
+    def __post_init__(self) -> None:
+        self.patience = Patience(self.span)
 
     def to_event(self, segment: Segment, moment: Moment, band: Vector, gap: float, record: Record) -> Arrival:
         """Integrate with the modes of a moment to the next event, or to the end of a segment.
@@ -376,8 +380,7 @@ class Search:
     ) -> tuple[int, bool] | None:
         """`found`, or an interval up to there in which a phase advances so far that the guards between are unknown."""
         times, until = mesh.times[mesh.start :], len(rows) if found is None else found[0] - mesh.start + 1
-        shortest = meshing.resolution(float(times[0]), self.span)
-        k, spacing = first_swing(self.guards, task.moment, task.segment, times, piece, rows, until, shortest)
+        k, spacing = first_swing(self.guards, self.patience, task.moment, task.segment, times, piece, rows, until)
         if k is None or len(task.finer) >= _DEEPEST:
             return found
         self.spacing = min(self.spacing, spacing)
