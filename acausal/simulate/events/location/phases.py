@@ -148,13 +148,14 @@ def _winds(
             for n, (r, (low, high)) in enumerate(zip(found.wound, bounds, strict=True))
             if r in free and low <= 0.0 <= high
         ]
-        if passed:
-            numbers, columns = map(list, zip(*passed, strict=True))
-            noise = LOCATED * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][columns]
-            # one that rests on zero is not passed
-            winds[j] = (np.abs(values[k : k + 2, found.is_wound][:, numbers]) > noise).any()
-        if winds[j]:
+        if not passed:
+            continue
+        numbers, columns = map(list, zip(*passed, strict=True))
+        noise = LOCATED * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][columns]
+        # one that rests on zero is not passed
+        if (np.abs(values[k : k + 2, found.is_wound][:, numbers]) > noise).any():
             patience.look(float(times[k]), [found.wound[n] for n in numbers])
+            winds[j] = True
             break
     return winds
 
