@@ -60,10 +60,7 @@ def info(
         check_picture(spy)
     cls, part = find_component(model)
     if part is not None:
-        for flag, given in (("--set", settings), ("--stats", stats), ("--spy", spy)):
-            if given:
-                fact = f"{flag} needs a model, and {part.name} is a component of the library"
-                raise UsageError("AC009", fact, help=f"put it into a model, or leave {flag} out")
+        _refuse_for_part(part.name, {"--set": settings, "--stats": stats, "--spy": spy})
         show_part(part, cls, as_json)
         return
     prepared = prepare(cls, settings or ())
@@ -113,6 +110,14 @@ def info(
     if failure is not None:
         remark(f"this model does not compile: error[{failure.code}] {failure.fact}; see: acausal check {model}")
         raise typer.Exit(exit_code(failure))
+
+
+def _refuse_for_part(name: str, options: dict[str, object]) -> None:
+    """Raise UsageError (AC009) if an option is given that a component of the library has no answer to."""
+    for flag, given in options.items():
+        if given:
+            fact = f"{flag} needs a model, and {name} is a component of the library"
+            raise UsageError("AC009", fact, help=f"put it into a model, or leave {flag} out")
 
 
 def _source(cls: type[Component]) -> Span | None:

@@ -120,11 +120,7 @@ def sweep(
         AC413 if the workers of a given executor are lost.
     """
     names, values = design(vary, sample, seed)
-    if both := [name for name in names if name in (parameters or {})]:
-        fact = f"{', '.join(both)}: varied, and given a value for all members, too"
-        raise UsageError("AC060", fact, help="leave out one of the two: vary and parameters, or --vary and --set")
-    if workers is not None and workers < 1:
-        raise UsageError("AC060", f"{workers} workers do nothing", help="workers=2")
+    _check(names, parameters or {}, workers)
     compiled, component = _compiled(model, dict(parameters or {}), names, values)
     task, kept = _task(compiled, component, dict(parameters or {}), names, signals, dict(options), values)
     setting = {"parameters": as_text(parameters or {})}
@@ -141,6 +137,15 @@ def sweep(
             return sweep_from(store)
         finally:
             store.close()
+
+
+def _check(names: Sequence[str], parameters: Mapping[str, object], workers: int | None) -> None:
+    """Raise UsageError (AC060) for parameters that are varied and given, and for no workers."""
+    if both := [name for name in names if name in parameters]:
+        fact = f"{', '.join(both)}: varied, and given a value for all members, too"
+        raise UsageError("AC060", fact, help="leave out one of the two: vary and parameters, or --vary and --set")
+    if workers is not None and workers < 1:
+        raise UsageError("AC060", f"{workers} workers do nothing", help="workers=2")
 
 
 def _run(
