@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.variants.implicit import differentiable
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 
 _DENSE = 30  # number of variables up to which dense matrices are faster than sparse ones
@@ -21,37 +22,6 @@ def memories(compiled: CompiledModel) -> NDArray[np.int64]:
     events = compiled.state_events
     first = compiled.n_timely + len(events.samples)
     return np.arange(first, first + len(events.memories))
-
-
-def _stepped(compiled: CompiledModel, at: list[Any]) -> tuple[Any, Any, Any, Any]:
-    """(Rates, residuals, symbols in both, their values): equations that have the right derivatives.
-
-    `at` are the arguments of the equations, (t, x, z, u, p, m).
-
-    The unknown of a monotone block is solved for by Newton steps, written out. The derivatives of all of them are those
-    of one more step from the solution, which is a symbol here, as is the slope of the block: a fifth of the operations.
-    """
-    rates, residuals = compiled.rhs(*at)
-    nothing, searched = ca.SX(0, 1), compiled.solution.monotone
-    if not searched or compiled.varied:
-        return rates, residuals, nothing, nothing
-    t, x, z, *rest = at
-    nz, solution, slope = len(compiled.algebraic), ca.SX.sym("v", len(searched)), ca.SX.sym("g", len(searched))
-
-    def opened(v: Any) -> tuple[Any, Any, Any]:
-        ode, alg = compiled.opened.rhs(t, x, ca.vertcat(z, v), *rest)
-        return ode, alg[:nz], alg[nz:]
-
-    by_solution = ca.jacobian(opened(solution)[2], solution)
-    if not by_solution.sparsity().is_tril():
-        return rates, residuals, nothing, nothing
-    stepped = ca.SX(solution)
-    for k in range(len(searched)):  # later blocks depend on earlier ones
-        stepped[k] -= opened(stepped)[2][k] / slope[k]
-    ode, alg, _ = opened(stepped)
-    found = compiled.searched(*at)
-    numbers = ca.vertcat(found, ca.substitute(ca.diag(by_solution), solution, found))
-    return ode, alg, ca.vertcat(solution, slope), numbers
 
 
 def _fewest(value: Any, w: Any, p: Any) -> Any:
@@ -90,8 +60,8 @@ class Slopes:
             return ca.densify(ca.vertcat(ode / ca.DM(compiled.nominal_x), ca.SX.zeros(nx - own, 1), alg))
 
         value, arguments = equations(*compiled.rhs(t, x, z, u, p, m)), [t, w, ca.vertcat(u, p), modes]
-        (*differentiable, symbols, numbers) = _stepped(compiled, [t, x, z, u, p, m])
-        slopes = _fewest(equations(*differentiable), w, p[chosen])
+        ode, alg, symbols, numbers = differentiable(compiled, [t, x, z, u, p, m])
+        slopes = _fewest(equations(ode, alg), w, p[chosen])
         pattern = slopes.sparsity()
         entries: Any = ca.substitute(ca.vec(ca.densify(slopes.nz[:])), symbols, numbers)
         self.value: Any = ca.Function("value", arguments, [value])

@@ -14,11 +14,13 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.lower.variants.implicit import Differentiable, differentiable
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.events.location.phases import turning_rate
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.native.equations import HELD, parametric
 from acausal.simulate.native.event_loop import EventLoopProgram
+from acausal.simulate.native.jacobian import jacobian
 from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import bounded
 from acausal.simulate.solvers.segment import Segment
@@ -94,31 +96,49 @@ def stopping_equations(regime: Regime, zeros: Sequence[int]) -> StoppingEquation
     rates = regime.active_set.rates.function(*here, errors, z)[:2]
     turning = turning_rate(compiled, at, here[1], here[2:])
     judged = [ca.densify(e) for e in (regime.active_set.watch(*here), *rates, turning)]
-    shared: Any = ca.cse([ode, guards, *judged])
-    (ode, guards, *judged), symbols, constants = parametric(shared, p, u)
+    slopes = differentiable(compiled, arguments)
+    for_slopes = [slopes.rates[:n] / scale, slopes.values] if slopes.is_shorter else []
+    shared: Any = ca.cse([ode, guards, *judged, *for_slopes])
+    shared, symbols, constants = parametric(shared, p, u)
     # once more with modes as parameters: most equations of clutches depend on nothing else
     parameters, none = ca.vertcat(symbols, m, d), ca.SX(0, 1)
-    shared = ca.cse([ode, guards, *judged])
-    (ode, guards, *judged), kept, held = parametric(shared, parameters, none, HELD)
-    dae, transition = _stopped((t, x, z, ca.vertcat(kept, shift, band), none), ode, guards + band)
+    (ode, guards, *shared), kept, held = parametric(ca.cse(shared), parameters, none, HELD)
+    judged, for_slopes = shared[: len(judged)], shared[len(judged) :]
+    stopping = _Stopping(t, x, z, ca.vertcat(kept, shift, band), none)
+    dae, transition = stopping.dae(ode, guards + band), stopping.transition()
     whole = ca.vertcat(states, ca.SX.sym("unused", compiled.discretes))
     events = ca.Function("judged", [at, whole, kept, errors], judged, {"cse": True}), compiled.events.round
     events = *events, regime.active_set.relaxed, *_steep_search(regime)
-    return StoppingEquations(dae, transition, constants, events, held)
+    slopes_of_dae = stopping.jacobian(slopes, *for_slopes) if for_slopes else None
+    return StoppingEquations(dae, transition, constants, events, held, slopes_of_dae)
 
 
-def _stopped(inputs: tuple[Any, ...], ode: Any, zero: Any) -> tuple[Any, Any]:
-    """The DAE of `(t, x, z, p, u)` with a stop watch and a stop flag, and its transition."""
-    t, x, z, p, u = inputs
-    watch, flag, none = ca.SX.sym("watch"), ca.SX.sym("flag"), ca.SX(0, 1)
-    state = ca.vertcat(x, watch, flag)
-    rates = ca.vertcat((1 - flag) * ode, 1 - flag, 0)
-    # no guard fires once it has stopped: several that are reached at one instant would, one after the other
-    results = [rates, none, none, ca.densify(zero + _NEVER * flag)]
-    dae = ca.Function("dae", [t, state, z, p, u], results, *_NAMES, {"cse": True})
-    given = {"index": ca.SX.sym("index"), "t": t, "x": state, "z": z, "p": p, "u": u}
-    post = {"post_x": ca.vertcat(x, watch, 1), "post_z": z}
-    transition = ca.Function(
-        "stop", [given[n] for n in ca.event_in()], [post[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
-    )
-    return dae, transition
+class _Stopping:
+    """An ODE of `(t, x, z, p, u)` with a stop watch and a stop flag as last states."""
+
+    def __init__(self, t: Any, x: Any, z: Any, p: Any, u: Any) -> None:
+        self._x, self._watch, self._flag = x, ca.SX.sym("watch"), ca.SX.sym("flag")
+        self._state = ca.vertcat(x, self._watch, self._flag)
+        self._inputs = [t, self._state, z, p, u]
+
+    def dae(self, ode: Any, zero: Any) -> Any:
+        """The DAE of the rates `ode` of x, which stop while the guards `zero` are."""
+        none = ca.SX(0, 1)
+        # no guard fires once it has stopped: several that are reached at one instant would, one after the other
+        results = [self._rates(ode), none, none, ca.densify(zero + _NEVER * self._flag)]
+        return ca.Function("dae", self._inputs, results, *_NAMES, {"cse": True})
+
+    def transition(self) -> Any:
+        """The transition of the DAE, which sets the flag."""
+        given = {"index": ca.SX.sym("index"), **dict(zip(_NAMES[0], self._inputs, strict=True))}
+        post = {"post_x": ca.vertcat(self._x, self._watch, 1), "post_z": self._inputs[2]}
+        return ca.Function(
+            "stop", [given[n] for n in ca.event_in()], [post[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
+        )
+
+    def jacobian(self, slopes: Differentiable, ode: Any, values: Any) -> Any:
+        """The Jacobian of the DAE, see `native/jacobian.py`."""
+        return jacobian(slopes, self._inputs, self._rates(ode), values)
+
+    def _rates(self, ode: Any) -> Any:
+        return ca.vertcat((1 - self._flag) * ode, 1 - self._flag, 0)

@@ -16,6 +16,8 @@ from typing import Any
 import casadi as ca
 
 from acausal.lower.compiled import CompiledModel
+from acausal.lower.variants.implicit import differentiable
+from acausal.simulate.native.jacobian import jacobian
 
 CONSTANTS = "constants"
 """Name of the function `(p, u) -> c` in a library: the values that parameters and inputs alone determine."""
@@ -39,6 +41,18 @@ def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, 
     form = compiled.mapped(tuple(zeros)) if by_patterns(compiled) else None
     if form is not None:
         return form.dae(compiled.nominal_x[: compiled.n_dynamic], compiled.nominal_z), form.constants
+    dae, constants, _ = _written_out(compiled, zeros, is_differentiated=False)
+    return dae, constants
+
+
+def differentiated(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, Any, Any]:
+    """The results of `equations`, and a Jacobian as in `jacobian.py`, or None."""
+    if compiled.algebraic or not compiled.solution.monotone or by_patterns(compiled):
+        return *equations(compiled, zeros), None
+    return _written_out(compiled, zeros, is_differentiated=True)
+
+
+def _written_out(compiled: CompiledModel, zeros: Sequence[int], *, is_differentiated: bool) -> tuple[Any, Any, Any]:
     n, nq, nd = compiled.n_dynamic, compiled.quadratures, compiled.discretes
     scale_x, scale_z = ca.DM(compiled.nominal_x[:n]), ca.DM(compiled.nominal_z)
     t, x, z = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("z", len(compiled.algebraic))
@@ -48,17 +62,18 @@ def equations(compiled: CompiledModel, zeros: Sequence[int] = ()) -> tuple[Any, 
     p_with_zeros = ca.SX(p)
     for k in zeros:
         p_with_zeros[k] = 0
-    ode, alg = (ca.densify(e) for e in compiled.rhs(t + shift, full, z * scale_z, u, p_with_zeros, m))
-    (ode, alg), symbols, constants = parametric([ode[:n] / scale_x, alg], p, u)
+    at = t + shift, full, z * scale_z, u, p_with_zeros, m
+    ode, alg = (ca.densify(e) for e in compiled.rhs(*at))
+    slopes = differentiable(compiled, at) if is_differentiated else None
+    for_slopes = [] if slopes is None else [slopes.rates[:n] / scale_x, slopes.values]
+    (ode, alg, *for_slopes), symbols, constants = parametric([ode[:n] / scale_x, alg, *for_slopes], p, u)
     none = ca.SX(0, 1)
-    dae = ca.Function(
-        "dae",
-        [t, x, z, ca.vertcat(symbols, m, d, shift), ca.SX.sym("none", 0)],
-        [ode, alg, none, none],
-        ["t", "x", "z", "p", "u"],
-        ["ode", "alg", "quad", "zero"],
-    )
-    return dae, constants
+    inputs = [t, x, z, ca.vertcat(symbols, m, d, shift), ca.SX.sym("none", 0)]
+    outputs = ["ode", "alg", "quad", "zero"]
+    dae = ca.Function("dae", inputs, [ode, alg, none, none], ["t", "x", "z", "p", "u"], outputs)
+    if slopes is None or not slopes.is_shorter:
+        return dae, constants, None
+    return dae, constants, jacobian(slopes, inputs, *for_slopes)
 
 
 def parametric(expressions: Sequence[Any], p: Any, u: Any, name: str = CONSTANTS) -> tuple[list[Any], Any, Any]:

@@ -31,7 +31,7 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.scaled import UNIT, in_units
 from acausal.simulate.native import cache, source
 from acausal.simulate.native.cache import made
-from acausal.simulate.native.equations import CONSTANTS, by_patterns, equations
+from acausal.simulate.native.equations import CONSTANTS, by_patterns, differentiated, equations
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.event_loop import source as event_loop_source
 from acausal.simulate.native.program import HeunProgram
@@ -79,7 +79,8 @@ class StoppingEquations:
 
     `dae` and `transition` have the form for CasADi's integrators, and `constants` that of `equations.py`.
     `event_functions` are "judged", "event_round" and "relaxed", and "steep" if the rates contain steep functions. The
-    DAE gets the values of `held` for the first parameters of its caller, followed by the other parameters.
+    DAE gets the values of `held` for the first parameters of its caller, followed by the other parameters. `jacobian`
+    is a short Jacobian of it (`jacobian.py`).
     """
 
     dae: Any
@@ -87,6 +88,7 @@ class StoppingEquations:
     constants: Any
     event_functions: tuple[Any, ...]
     held: Any = None
+    jacobian: Any = None
 
 
 @dataclass(eq=False)
@@ -131,8 +133,9 @@ class Native:
         kind = f"{plugin}, fixed steps" if fixed else plugin
 
         def text() -> str | None:
-            dae, constants = self.equations
-            written = source.integrator(plugin, in_units(dae) if self.compiled.algebraic else dae, neutral, constants)
+            dae, constants, jacobian = differentiated(self.compiled, self.zeros)
+            dae = in_units(dae) if self.compiled.algebraic else dae
+            written = source.integrator(plugin, dae, neutral, constants, jacobian=jacobian)
             return None if written is None else f"{written}#define PLAIN\n{event_loop_source()}"
 
         def load(path: Path) -> EventLoopProgram:
@@ -164,8 +167,9 @@ class Native:
             parts = equations()
             with contextlib.redirect_stderr(io.StringIO()):  # CasADi warns that events are experimental
                 options = {**neutral, "transition": parts.transition}
+                companions = parts.constants, *parts.event_functions
                 written = source.integrator(
-                    plugin, parts.dae, options, parts.constants, *parts.event_functions, held=parts.held
+                    plugin, parts.dae, options, *companions, held=parts.held, jacobian=parts.jacobian
                 )
             has_steep = any(f.name() == "steep" for f in parts.event_functions)
             return (

@@ -20,6 +20,8 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.simulate.native.jacobian import CALL, as_derived
+from acausal.simulate.native.powers import with_own_functions, with_shared_powers
 from acausal.simulate.native.sizes import with_sizes
 from acausal.simulate.native.sparse_lu import with_lu
 
@@ -189,23 +191,25 @@ def functions(*parts: Any) -> str:
     generator = ca.CodeGenerator("acausal.c")
     for part in parts:
         generator.add(part)
-    return _without_null_checks(str(generator.dump()))
+    return with_own_functions(_without_null_checks(str(generator.dump())))
 
 
-def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any, held: Any = None) -> str | None:
+def integrator(
+    plugin: str, dae: Any, settings: Mapping[str, Any], *companions: Any, held: Any = None, jacobian: Any = None
+) -> str | None:
     """C of a whole integrator; its argument 3 is a pointer to a `struct acausal_run`. None if a replacement fails.
 
     `plugin` is "rosenbrock" or "erk", and `dae` the SX oracle without controls. `settings` are CasADi's options, of
     which tolerances and step are replaced by arguments. `companions` are further functions for the same library.
 
     `held` is for an integrator that stops at events: a function `parameters -> values` of the first parameters that the
-    caller passes. The DAE gets these values, followed by the other parameters.
+    caller passes. The DAE gets these values, followed by the other parameters. `jacobian` is a Jacobian of it that is
+    shorter than the one by CasADi (`jacobian.py`).
     """
-    source = functions(
-        *(() if held is None else (held,)),
-        ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings)),
-        *companions,
-    )
+    inside = ca.integrator(ENTRY, plugin, dae, 0.0, [0.5, 1.0], dict(settings))
+    if jacobian is not None:
+        jacobian = as_derived(jacobian, inside.get_function("jacF")) if plugin == "rosenbrock" else None
+    source = functions(*(f for f in (held, jacobian) if f is not None), inside, *companions)
     # the additional argument replaces the controls, of which there are none
     if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
         return None
@@ -214,6 +218,10 @@ def integrator(plugin: str, dae: Any, settings: Mapping[str, Any], *companions: 
     passing = [*([] if held is None else [_PARAMETERS]), *([_TRANSITION, *_EVENTS] if passes else [])]
     for pattern, text in (*_INTEGRATOR, *fixed, *passing):
         source, count = re.subn(pattern, text, source)
+        if count != 1:
+            return None
+    if jacobian is not None:
+        source, count = re.subn(*CALL, source)
         if count != 1:
             return None
     if plugin == "rosenbrock":
@@ -272,6 +280,7 @@ def _with_pointers(function: str) -> str:
     for k, length in lengths[1].items():
         lines.append(f"  casadi_real lost{k}[{length}], *restrict out{k} = res[{k}] ? res[{k}] : lost{k};\n")
     body, end, rest = _OUTPUT.sub(r"out\1[\2]=", _INPUT.sub(r"in\1[\2]", function[head.end() :])).partition("\n}\n")
+    body = with_shared_powers(body)
     name = head.group().partition("(")[0].rpartition(" ")[2]
     cut = in_pieces(name, "".join(lines), body)
     result = head.group() + "".join(lines) + body + end
