@@ -45,6 +45,7 @@ def test_units_logarithms_lists_and_distributions(folder: Path) -> None:
     def values(vary: str, name: str, *more: str) -> list[float]:
         assert run("sweep", "decay.py", "--vary", vary, *COMMON, "-q", *more).code == 0
         found: list[float] = acausal.load_sweep(folder / "Decay.sweep")[name].tolist()
+        (folder / "Decay.sweep").unlink()
         return found
 
     assert values("k=6 1/min,12 1/min", "k") == pytest.approx([0.1, 0.2])
@@ -62,7 +63,9 @@ def test_failed_members_are_told_and_resumed_ones_not_run_again(folder: Path) ->
     again = run(*vary, "--resume", "--json")
     assert again.json["status"] == ["ok", "failed"]
     assert again.json["seconds"][0] == first.seconds[0]
-    lost = run("sweep", "decay.py", "--vary", "k=-1,-2", *COMMON, "-q")
+    kept = run(*vary)
+    assert (kept.code, "AC062" in kept.err, "--resume" in kept.err) == (2, True, True)
+    lost = run("sweep", "decay.py", "--vary", "k=-1,-2", *COMMON, "-q", "-o", "lost.sweep")
     assert (lost.code, lost.out, "2 members with AC136" in lost.err) == (1, "", True)  # an error, quiet or not
 
 

@@ -97,7 +97,8 @@ def sweep(
         cluster of `workers` processes on this machine. It is opened before the first run. The first member, and the
         second if the first is fast, run in this process, to check the request and to estimate the time of the others.
     file
-        A `.sweep` file to which each chunk is written when it is done; None stores everything in memory.
+        A `.sweep` file to which each chunk is written when it is done; None stores everything in memory. A sweep that
+        is there already is never overwritten.
     resume
         Run only the members missing in `file`, which must belong to the same sweep; failed members are not repeated.
     progress
@@ -287,7 +288,7 @@ def _varied(compiled: CompiledModel, names: tuple[str, ...]) -> tuple[Signal, ..
 def _open_store(file: Path | None, definition: Definition, resume: bool) -> Store:
     """The store of a sweep: a new one, or, with `resume`, that of the file.
 
-    Raises UsageError: AC062 if the file contains another sweep, or, without `resume`, an unfinished one.
+    Raises UsageError: AC062 if the file contains another sweep, or, without `resume`, any.
     """
     if file is None:
         if resume:
@@ -307,13 +308,12 @@ def _open_store(file: Path | None, definition: Definition, resume: bool) -> Stor
                 help="give another file, or delete this one",
             )
         store.close()
-        if done < len(known.values):
-            raise UsageError(
-                "AC062",
-                f"{file} contains {done} of {len(known.values)} members of an unfinished sweep",
-                help="--resume (resume=True) continues it; otherwise give another file, or delete this one",
-            )
-        file.unlink()
+        state = "a finished sweep" if done == len(known.values) else "an unfinished sweep"
+        raise UsageError(
+            "AC062",
+            f"{file} contains {state} of {known.model}, {done} of {len(known.values)} members",
+            help="--resume (resume=True) keeps these; otherwise give another file (-o, file=), or delete this one",
+        )
     store = Store(file)
     store.begin(definition)
     return store

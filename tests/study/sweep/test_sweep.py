@@ -240,6 +240,18 @@ def test_another_sweep_does_not_go_on_in_the_file(tmp_path: Path, vary: Any, opt
     assert len(acausal.load_sweep(file)) == 2
 
 
+def test_a_finished_sweep_is_not_overwritten(tmp_path: Path) -> None:
+    """It may have taken hours; repeated without `resume`, it used to be deleted without a word."""
+    file = tmp_path / "x.sweep"
+    decays({"k": [1.0, 2.0]}, file=file)
+    before = file.read_bytes()
+    with pytest.raises(
+        UsageError, match=r"(?s)AC062.*x\.sweep contains a finished sweep of Decay, 2 of 2 members.*--resume"
+    ):
+        decays({"k": [3.0]}, file=file)
+    assert file.read_bytes() == before
+
+
 def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path) -> None:
     file = tmp_path / "x.sweep"
     acausal.sweep(_written()(), {"k": [1.0]}, file=file, workers=1)
@@ -310,6 +322,7 @@ def test_another_input_does_not_go_on_in_the_file(tmp_path: Path) -> None:
         assert swept(one, resume=True).status == ("ok",)
         with pytest.raises(UsageError, match="other inputs"):
             swept(other(), resume=True)
+        file.unlink()
 
 
 def test_a_variable_is_no_parameter() -> None:
