@@ -38,9 +38,9 @@ _ROUNDED, _MOST_UNCERTAIN = 1e-13, 1e10
 # A first, rough integration estimates the magnitude of the variations: its tolerance, and the number of points at which
 # each stretch is evaluated.
 _ROUGH, _POINTS = 1e-5, 5
-# If the estimate exceeds the magnitude of the accurate variations by more than this factor, these are computed again
-# with their own magnitude, at most until the given number of attempts.
-_FAR, _ATTEMPTS = 100.0, 3
+# If the estimate turns out to exceed the magnitude of the variations by more than this factor, they are computed again
+# from the start, with what is known by then; at most until the given number of attempts.
+_FAR, _ATTEMPTS = 100.0, 4
 # Tolerance of rough variations, in tolerances of rough states, where the steps of the states are too long for them.
 _LOOSE = 1e4
 
@@ -78,7 +78,8 @@ class Chain:
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.stiffness, self.native = Stiffness(), run.options.native
         self.requests: list[tuple[Accuracy, list[int], Vector]] = []
-        """Of each integration of variations: its accuracy, the indices of its carried variables, and their scale."""
+        """Of the last integrations of variations: accuracy, indices of carried variables, and their scale."""
+        self._largest, self._is_final = np.zeros((self.size, self.count)), True
         self.hybrid = run.hybrid
         self.marks = self._marks(run.options.max_step)
         own = [k for k, passage in enumerate(self.passages) if not passage.edge]
@@ -114,15 +115,23 @@ class Chain:
     @cached_property
     def scale(self) -> Vector:
         """Rough magnitude of the variations over the run: their largest values, shape (size, count)."""
+        found: Vector = self._ahead[0]
+        return found
+
+    @cached_property
+    def _ahead(self) -> Vector:
+        """Rough largest values from the event before each stretch to the end, (stretches + 1, size, count)."""
         x, stiffness = self.start(), Stiffness()
-        largest = np.abs(x)
+        largest, found = np.abs(x), [np.abs(x)]
         for k in range(len(self.passages)):
             by_x, by_p, *_ = self.event(k)
             x = by_x @ x + by_p
-            largest = np.maximum(largest, np.abs(x))
+            largest, here = np.maximum(largest, np.abs(x)), np.abs(x)
             x, reached = self._reached(self.stretch(k), x, largest, stiffness)
             largest = np.maximum(largest, reached)
-        return largest
+            found.append(np.maximum(here, reached))
+        found[1] = np.maximum(*found[:2])
+        return np.array([np.max(found[k:], axis=0) for k in range(1, len(found))] + [np.zeros_like(x)])
 
     def _reached(self, stretch: Stretch, x: Vector, largest: Vector, stiffness: Stiffness) -> tuple[Vector, Vector]:
         """(Variations at the end of a stretch, largest ones on it), roughly; shapes (size, count).
@@ -156,20 +165,30 @@ class Chain:
         """Derivatives by a forward sweep, with a column for each parameter."""
         return self._judged(self._forward)
 
-    def _judged(self, derive: Callable[[], Derivatives]) -> Derivatives:
-        """The results of `derive`, repeated if its variations are far smaller than their estimated magnitude."""
-        self.requests.clear()
-        found = derive()
-        for _ in range(1, _ATTEMPTS):
-            largest = np.abs(self.start())
-            for accuracy, rows, scale in self.requests:
-                largest[rows] = np.maximum(largest[rows], accuracy.largest * scale)
-            if not (self.scale > _FAR * (largest + LEAST_SHARE * largest.max(axis=0, initial=0.0))).any():
-                break
-            self.scale = largest
+    def _judged(self, derive: Callable[[], Derivatives | None]) -> Derivatives:
+        """The results of `derive`, repeated if it returns None, because variations turn out to be far smaller."""
+        for attempts in reversed(range(_ATTEMPTS)):
             self.requests.clear()
+            self._largest, self._is_final = np.abs(self.start()), attempts == 0
             found = derive()
-        return found
+            if found is not None:
+                return found
+        raise AssertionError("the last attempt is not judged")
+
+    def _are_far_smaller(self, k: int) -> bool:
+        """Whether variations, now known to the end of stretch `k`, are far smaller than their estimated magnitude.
+
+        Most wrong estimates come from the first touch, so the truth is known soon after the start.
+        """
+        for accuracy, rows, scale in self.requests:
+            self._largest[rows] = np.maximum(self._largest[rows], accuracy.largest * scale)
+        self.requests.clear()
+        known = np.maximum(self._largest, self._ahead[k + 1])
+        least = LEAST_SHARE * known.max(axis=0, initial=0.0)
+        if self._is_final or not (self.scale > _FAR * (known + least)).any():
+            return False
+        self.scale = known
+        return True
 
     def _begun(self) -> Vector:
         """Variations at the start, followed by as many columns for their known errors; shape (size, 2 * count)."""
@@ -197,12 +216,14 @@ class Chain:
             found = found + np.outer(y_t, times[self.terminal])
         return np.asarray(found[:, : self.count] + y_p, dtype=np.float64), found[:, self.count :]
 
-    def _forward(self) -> Derivatives:
+    def _forward(self) -> Derivatives | None:
         x, times = self._begun(), []
         for k in range(len(self.passages)):
             x, instant = self._across(k, x)
             times.append(instant)
             x = self.stretch(k).forward(x)
+            if self._are_far_smaller(k):
+                return None
         final, wrong = self._ended(x, times)
         return Derivatives(final, np.array(times)[:, : self.count], wrong)
 
@@ -326,13 +347,15 @@ class Chain:
         """
         return self._judged(self._adjoint)
 
-    def _adjoint(self) -> Derivatives:
+    def _adjoint(self) -> Derivatives | None:
         x, times, path = self._begun(), [], []
         for k in range(len(self.passages)):
             x, instant = self._across(k, x)
             times.append(instant)
             x, back = self.stretch(k).recorded(x)
             path.append((self.event(k), back))
+            if self._are_far_smaller(k):
+                return None
         _, wrong = self._ended(x, times)
         rows, total, y_t = self.output()
         for k, ((on_x, on_p, time_x, time_p), back) in reversed(list(enumerate(path))):
