@@ -51,6 +51,7 @@ from acausal.flatten.parameters import (
     check_overrides,
     check_values,
     foreign,
+    given_values,
     refuse_time,
     unheard_parameters,
 )
@@ -95,7 +96,7 @@ def flatten(
     DeclarationError, UnitError, UsageError, StructureError
         With the path of the faulty component and its place in the source; AC028 if `model` is not a component.
     """
-    overrides, (all_instances, added) = dict(parameters or {}), placed(model, choices)
+    overrides, (all_instances, added) = given_values(parameters), placed(model, choices)
     check_overrides(overrides, all_instances)
     pool, number_of = Pool(), numbers(all_instances)
     composites = {i.number: statements(i.component) for i in all_instances if not i.is_leaf}

@@ -255,6 +255,16 @@ _INSTEAD = {
 }
 
 
+def given_values(parameters: Mapping[str, object] | None) -> dict[str, object]:
+    """Values of parameters by their paths, as given; raises UsageError AC023 if they are no dictionary."""
+    if parameters is None:
+        return {}
+    if not isinstance(parameters, Mapping):
+        fact = f"parameters is a {type(parameters).__name__}"
+        raise UsageError("AC023", fact, help="a dictionary: parameters={'mass.m': 2.0}")
+    return dict(parameters)
+
+
 def check_overrides(overrides: Mapping[str, object], all_instances: Sequence[Instance]) -> None:
     """Refuse values for names that are no parameters (AC020), with the nearest names."""
     if not overrides:

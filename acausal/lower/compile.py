@@ -31,6 +31,7 @@ from acausal.errors import InternalError, StructureError, UsageError
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
 from acausal.flatten.instances.instances import changing
+from acausal.flatten.parameters import given_values
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.build import Builder, Symbols
@@ -100,7 +101,7 @@ def compile(
     if formulation not in ("torn", "dae", "projected"):
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
     frozen, quasi = tuple(_names("freeze", freeze)), tuple(_names("quasi_static", quasi_static))
-    recipe = Recipe(model, dict(parameters or {}), formulation, frozen, quasi, cache)
+    recipe = Recipe(model, given_values(parameters), formulation, frozen, quasi, cache)
     parts = changing(model) if choices is None and outputs is None else {}
     if not parts:
         return _compile(recipe, outputs, choices)

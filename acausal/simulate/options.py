@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 from acausal.errors import UsageError, meant
 from acausal.flatten.flat import suffixes
-from acausal.flatten.parameters import check_limit, check_values, entries
+from acausal.flatten.parameters import check_limit, check_values, entries, given_values
 from acausal.language.declarations.experiment import Experiment
 from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.cache.divisors import LOST, shrunken_divisor
@@ -166,7 +166,7 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
         return p
     index = {name: k for k, name in enumerate(compiled.parameters)}
     declared = {f.path: f for f in compiled.flat.parameters}
-    for path, value in given.items():
+    for path, value in given_values(given).items():
         exact = declared.get(path)
         names = [path + s for s in suffixes(exact.declaration.shape)] if exact is not None else [path]
         fixed = [n for n in names if n in compiled.flat.frozen]

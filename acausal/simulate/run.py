@@ -12,7 +12,7 @@ from typing import Any
 from acausal.arrays import Vector
 from acausal.errors import InitializationError, IntegrationError, RunError, UsageError
 from acausal.flatten.instances.instances import changing
-from acausal.flatten.parameters import unheard_parameters
+from acausal.flatten.parameters import given_values, unheard_parameters
 from acausal.language.choices import Choice
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -226,7 +226,7 @@ def _recipe(model: Component | CompiledModel, parameters: Mapping[str, object] |
         if parameters:
             parameter_vector(model, parameters)  # refuses invalid ones
         return replace(model.recipe, parameters={**model.recipe.parameters, **(parameters or {})})
-    return Recipe(model, dict(parameters or {})) if changing(model) else None
+    return Recipe(model, given_values(parameters)) if changing(model) else None
 
 
 def _compiled(

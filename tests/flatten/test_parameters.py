@@ -105,6 +105,8 @@ def test_one_entry_of_a_compiled_vector() -> None:
 
 WRONG = [
     pytest.param({"k": 1.0}, "AC020", id="unknown"),
+    pytest.param([1.0], "AC023", id="a list"),
+    pytest.param("m=1", "AC023", id="text"),
     pytest.param({"axis": (1.0, 2.0)}, "AC023", id="too short"),
     pytest.param({"m": (1.0, 2.0)}, "AC023", id="not a scalar"),
     pytest.param({"m": "1 m"}, "AC151", id="length"),
@@ -116,7 +118,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("given", "code"), WRONG)
-def test_wrong_values(given: dict[str, Any], code: str) -> None:
+def test_wrong_values(given: Any, code: str) -> None:
     with pytest.raises(AcausalError) as caught:
         acausal.flatten(Disc(m=1.0), given)
     assert caught.value.code == code

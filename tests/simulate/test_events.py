@@ -15,6 +15,7 @@ from acausal import (
     Real,
     der,
     discrete,
+    exp,
     fixed,
     parameter,
     pre,
@@ -179,6 +180,25 @@ def test_only_states_are_reset() -> None:
         acausal.compile(Dependent())
     assert caught.value.code == "AC210"
     assert "test_events.py" in str(caught.value.where[0])
+    assert "prefer_state=True" in str(caught.value)
+
+
+class Preferred(Component):
+    """y is to be a state, but follows from x all the same."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(prefer_state=True)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield self.y == exp(self.x) + self.x
+        yield when(self.x < 0.5, reset(self.y, 0.0))
+
+
+def test_what_a_variable_has_already_is_no_advice() -> None:
+    with pytest.raises(StructureError, match=r"(?s)y cannot be reset.*reset the state it follows from") as caught:
+        acausal.compile(Preferred())
+    assert "prefer_state" not in str(caught.value.help)
 
 
 class Pole(Component):

@@ -375,6 +375,9 @@ def test_start_values_must_agree_with_the_declared_ones() -> None:
     with pytest.raises(AcausalError) as error:
         acausal.simulate(Bound(), start={"a": 2.0}, stop_time=1.0)
     assert error.value.code == "AC302"
+    assert "give b in start={...} too" in str(error.value)
+    with pytest.raises(AcausalError, match=r"(?s)AC302.*out of start=") as error:
+        acausal.simulate(Bound(), start={"a": 2.0, "b": 4.0}, stop_time=1.0)
     assert acausal.simulate(Bound(), start={"a": 2.0, "b": 3.0}, stop_time=1.0)["b"][0] == 3.0
 
 

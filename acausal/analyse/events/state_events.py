@@ -381,13 +381,15 @@ def _clauses(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[Clause
         for (scalar, _), value in zip(when.actions, nodes.values, strict=True):
             position = _position(reduced, scalar, index_of)
             if position is None:
+                is_preferred = reduced.flat.declaration(scalar).prefer_state is True
+                others = "" if is_preferred else ", or declare it prefer_state=True or discrete()"
                 raise StructureError(
                     "AC210",
                     f"{reduced.flat.scalar_name(scalar)} cannot be reset: it is not a state of {reduced.flat.name}",
                     where=(when.origin.span(),),
                     evidence=[f"states: {', '.join(reduced.name(x) for x in states[:8])}"],
                     cause="it follows from other variables, so a new value would contradict them",
-                    help="reset the state it follows from, or declare it prefer_state=True or discrete()",
+                    help="reset the state it follows from" + others,
                 )
             is_impulse = pool.nodes[value][0] == IMPULSE  # an impulse acts with whatever sign it needs
             actions.append((position[0], pool.neg(value) if position[1] and not is_impulse else value))

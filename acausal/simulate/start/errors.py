@@ -40,6 +40,10 @@ def contradicting(
         fact = f"the start value {condition.text} = {given:g} contradicts {other}, which {verb} it {given + off:g}"
         field = condition.text.rpartition(".")[2]
         advice = f"remove one of them, or make it a guess: {field}=guess({given:g})"
+        if any("   (" not in text for text in others):  # without a place: given for this run
+            advice = f"give {condition.text} in start={{...}} too, so that they agree, or {advice}"
+        if not condition.where:
+            advice = f"leave {condition.text} out of start={{...}}, or give a value there that agrees with the others"
     cause = "the equations determine it at every time: no state is left to be chosen at the start"
     if compiled.continuous:
         states = counted(len(compiled.continuous), "state")

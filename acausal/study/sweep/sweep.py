@@ -16,6 +16,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import DeclarationError, UsageError
+from acausal.flatten.parameters import given_values
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Kind
 from acausal.lower.compile import compile
@@ -121,10 +122,11 @@ def sweep(
         AC413 if the workers of a given executor are lost.
     """
     names, values = design(vary, sample, seed)
-    _check(names, parameters or {}, workers)
-    compiled, component = _compiled(model, dict(parameters or {}), names, values)
-    task, kept = _task(compiled, component, dict(parameters or {}), names, signals, dict(options), values)
-    setting = {"parameters": as_text(parameters or {})}
+    parameters = given_values(parameters)
+    _check(names, parameters, workers)
+    compiled, component = _compiled(model, parameters, names, values)
+    task, kept = _task(compiled, component, parameters, names, signals, dict(options), values)
+    setting = {"parameters": as_text(parameters)}
     if file is not None:
         setting["options"] = as_text({k: v for k, v in options.items() if k != "inputs"})
         setting["inputs"] = driven(compiled, dict(options))
