@@ -83,6 +83,14 @@ def test_units_and_outputs_must_be_as_many() -> None:
     assert caught.value.code == "AC161"
 
 
+@pytest.mark.parametrize("shape", [1, "x", (1, 2, 3), (0,), (2.0,)])
+def test_what_is_no_shape_is_named(shape: Any) -> None:
+    for inputs, outputs in (((shape,), ((),)), (((),), (shape,))):
+        with pytest.raises(DeclarationError, match="external function f is declared with") as caught:
+            External("f", lambda: None, inputs=inputs, outputs=outputs)
+        assert caught.value.code == "AC161"
+
+
 def test_a_factory_that_makes_something_else_is_named() -> None:
     wrong = External("polar", lambda: polar(ca.SX, {}), inputs=((3,), (3, 3)), outputs=((), (2,)))
 

@@ -46,7 +46,7 @@ FUNCTIONS = {
 }
 OPERATORS: list[Callable[[Any, Any], Any]] = [operator.add, operator.sub, operator.mul, operator.truediv, operator.pow]
 OPERATORS += [operator.matmul, operator.eq, operator.lt, operator.ge, operator.and_, operator.or_, operator.xor]
-OPERATORS += [operator.mod, operator.floordiv, divmod]
+OPERATORS += [operator.mod, operator.floordiv, divmod, operator.lshift, operator.rshift]
 DECLARATIONS = ["variable", "discrete", "boolean", "integer", "boolean_input", "boolean_output", "flow"]
 DECLARATIONS += ["signal_input", "signal_output", "parameter"]
 
@@ -82,7 +82,9 @@ def test_every_operator_takes_its_operands_or_refuses_them(operation: Callable[[
     assert not found
 
 
-@pytest.mark.parametrize("function", [round, math.trunc, math.floor, abs, np.sum, np.max, np.prod, np.sin])
+@pytest.mark.parametrize(
+    "function", [round, math.trunc, math.floor, abs, np.sum, np.max, np.prod, np.sin, "{:.3f}".format]
+)
 def test_functions_of_python_and_numpy(function: Callable[[Any], Any]) -> None:
     assert not refused_by_python(function, 1, QUANTITIES)
 

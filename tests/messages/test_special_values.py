@@ -7,7 +7,26 @@ import math
 import pytest
 
 import acausal
-from acausal import AcausalError, Component, Equations, Real, assert_, connect, der, fixed, parameter, part, variable
+from acausal import (
+    AcausalError,
+    Component,
+    Equations,
+    Real,
+    assert_,
+    connect,
+    der,
+    discrete,
+    fixed,
+    log,
+    parameter,
+    part,
+    reset,
+    sample,
+    structural,
+    variable,
+    when,
+    where,
+)
 from acausal.library import blocks, contact, electrical, multibody, rotational
 from tests.messages.cases import Case, Corpus
 
@@ -277,3 +296,33 @@ def test_the_solver_that_stopped_is_not_recommended(solver: str, other: str) -> 
         acausal.simulate(Ends(), stop_time=1.0, solver=solver)
     assert f"--solver {solver}" not in str(caught.value)
     assert "--solver" not in str(caught.value) or f"--solver {other}" in str(caught.value)
+
+
+class Undefined(Component):
+    """x = t; at t = 0.5, when x passes 0.5 or at a tick, the logarithm of 0.2 - x = -0.3 is taken."""
+
+    at_ticks: bool = structural(default=False)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(1.0))
+    d: Real = discrete()
+    e: Real = discrete()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.y) == -self.y
+        if self.at_ticks:
+            yield self.e == where(sample(0.5, 10.0), log(0.2 - self.x), 0.0)
+        else:
+            yield when(self.x > 0.5, reset(self.y, 2.0), reset(self.d, log(0.2 - self.x)))
+
+
+@pytest.mark.parametrize("native", [False, True])
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+@pytest.mark.parametrize(("at_ticks", "name"), [(False, "d"), (True, "e")])
+def test_what_an_event_sets_to_nan_is_named(at_ticks: bool, name: str, solver: str, native: bool) -> None:
+    """nan differs from itself: the iteration ended with AC501, which named nothing."""
+    with pytest.raises(AcausalError, match=rf"{name} becomes nan.* at t = 0\.5 s") as caught:
+        acausal.simulate(Undefined(at_ticks=at_ticks), stop_time=1.0, solver=solver, native=native)
+    assert caught.value.code == "AC509"
+    assert "log(0.2 - x)" in str(caught.value)
+    assert caught.value.where

@@ -61,18 +61,18 @@ class External:
         self.name = name
         self.jumps = jumps
         self.factory = factory
-        self.inputs = tuple(map(tuple, inputs))
-        self.outputs = tuple(map(tuple, outputs))
-        self.units = tuple(units) or ("",) * len(self.outputs)
+        self.units = tuple(units) or ("",) * len(outputs)
         self.primal: External | None = None  # the function whose partial derivatives this one computes
         self._partials: External | None = None
-        if len(self.units) != len(self.outputs) or any(len(s) > 2 for s in (*self.inputs, *self.outputs)):
+        if len(self.units) != len(outputs) or not all(map(_is_shape, (*inputs, *outputs))):
             raise DeclarationError(
                 "AC161",
-                f"the external function {name} is declared with {len(self.outputs)} outputs, "
-                f"{len(self.units)} units and shapes {self.inputs} -> {self.outputs}",
+                f"the external function {name} is declared with {len(outputs)} outputs, "
+                f"{len(self.units)} units and shapes {tuple(inputs)} -> {tuple(outputs)}",
                 help="shapes are (), (n,) or (m, n); give one unit for every output, or none at all",
             )
+        self.inputs = tuple(map(tuple, inputs))
+        self.outputs = tuple(map(tuple, outputs))
 
     def __repr__(self) -> str:
         return f"External({self.name}: {', '.join(map(shape_text, self.inputs))})"
@@ -137,6 +137,10 @@ class Call(str):
 
     def __hash__(self) -> int:
         return hash((id(self.external), self.entry))
+
+
+def _is_shape(given: object) -> bool:
+    return isinstance(given, tuple | list) and len(given) <= 2 and all(isinstance(n, int) and n > 0 for n in given)
 
 
 def _scalars(external: External) -> int:

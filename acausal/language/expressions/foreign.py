@@ -13,6 +13,7 @@ _REDUCTIONS = {
     "minimum": ("min", "write minimum(v[0], v[1]) of acausal"),
 }
 """Name of a reduction in numpy and advice, by the name of the function that it applies to the elements."""
+_SHIFT = "compare by a < b; a shift of bits is a * 2**n, or floor(a / 2**n) with acausal.floor"
 
 
 class WithoutForeignOperators:
@@ -46,6 +47,24 @@ class WithoutForeignOperators:
 
     def __rdivmod__(self, other: object) -> NoReturn:
         self._refused(f"divmod({other}, {self})", "write floor(a / b), and a - b * floor(a / b)")
+
+    def __lshift__(self, other: object) -> NoReturn:
+        self._refused(f"{self} << {other}", _SHIFT)
+
+    def __rlshift__(self, other: object) -> NoReturn:
+        self._refused(f"{other} << {self}", _SHIFT)
+
+    def __rshift__(self, other: object) -> NoReturn:
+        self._refused(f"{self} >> {other}", _SHIFT)
+
+    def __rrshift__(self, other: object) -> NoReturn:
+        self._refused(f"{other} >> {self}", _SHIFT)
+
+    def __format__(self, specification: str) -> str:
+        if specification:
+            text = f"`{self}` is symbolic and cannot be written as {specification!r}"
+            raise DeclarationError("AC104", text, help="write it without a format, or print values of a result")
+        return str(self)
 
     def __round__(self, digits: object = None) -> NoReturn:
         self._refused(f"round({self})", "write floor(x + 0.5), with acausal.floor")

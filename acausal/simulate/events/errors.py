@@ -8,6 +8,7 @@ from acausal.analyse.events.state_events import Assert, Clause
 from acausal.diagnose.words import places
 from acausal.errors import EventError, InitializationError, Span
 from acausal.lower.compiled import CompiledModel
+from acausal.simulate.start.finite import UNDEFINED
 
 
 class Endless(EventError):
@@ -67,6 +68,23 @@ def undetermined(t: float, error: InitializationError) -> EventError:
         "which would take an impulse of a force that no reset names",
         help="let it change continuously, connect it through a spring and damper or a clutch, "
         "or state the jump yourself: when(..., reset(velocity, value, by=force))",
+    )
+
+
+def not_a_number(compiled: CompiledModel, t: float, state: int) -> EventError:
+    """AC509: a discrete equation or a `when` that gives nan."""
+    events = compiled.state_events
+    texts = [
+        *(a.text for a in events.assignments if a.position == state),
+        *(c.text for c in events.clauses if state in (target for target, _ in c.actions)),
+    ]
+    return EventError(
+        "AC509",
+        f"{compiled.name}: {compiled.states[state]} becomes nan, which is not a number, at t = {t:.9g} s",
+        where=_stated(compiled, texts),
+        evidence=texts[:4],
+        cause=UNDEFINED,
+        help="state the value so that it exists there too: where(x > 0, log(maximum(x, 1e-9)), 0)",
     )
 
 

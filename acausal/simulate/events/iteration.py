@@ -24,7 +24,15 @@ from acausal.lower.events.round import Round
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.shares import Border
-from acausal.simulate.events.errors import contradicting, overloaded, undetermined, unsettled, vain, violated
+from acausal.simulate.events.errors import (
+    contradicting,
+    not_a_number,
+    overloaded,
+    undetermined,
+    unsettled,
+    vain,
+    violated,
+)
 from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, same_instant
 from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.events.resets.constrained import followed
@@ -133,7 +141,7 @@ class Iteration:
     ) -> Happened:
         """Iterate to the moment after an event, from modes some of which have changed already.
 
-        Raises EventError: AC501, AC503, AC504, AC506, AC507, AC508.
+        Raises EventError: AC501, AC503, AC504, AC506, AC507, AC508, AC509.
 
         `before`: The modes before the event; a `when` acts if its condition was false in them.
         `samples`: Which samples are true now.
@@ -500,7 +508,12 @@ class Iteration:
         found = self.round(t, moment.x, moment.z, p.u, p.p, moment.m, was, decided, level)
         for k in _SCALARS:
             found[k] = float(found[k][0])  # type: ignore[call-overload]
-        return Round(*found)
+        result = Round(*found)
+        # nan differs from itself, so rounds would not settle
+        undefined = [*self.assigned[np.isnan(result.assigned)].tolist(), *np.flatnonzero(np.isnan(result.x)).tolist()]
+        if undefined:
+            raise not_a_number(p.compiled, t, undefined[0])
+        return result
 
     def _check(self, t: float, holds: Vector, notes: list[str]) -> None:
         for k, (asserted, truth) in enumerate(zip(self.events.asserts, holds, strict=True)):
