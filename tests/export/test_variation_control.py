@@ -33,7 +33,7 @@ def _steps(error: Callable[[float, float], float], h: float) -> tuple[list[tuple
             continue
         accepted.append((t, h))
         x = control.accepted(x)
-        t, h = t + h, h * min(max(growth, 0.3), 8.0)
+        t, h = t + h, control.longer(h, h, growth)
     return accepted, attempts, control, float(x[0, 1])
 
 
@@ -58,6 +58,17 @@ def test_rounding_does_not_shorten_steps() -> None:
     assert max(h for _, h in accepted) > 0.03
     # of the errors of all steps, 1e3 * 1e-8 at most by rounding, is said what was accepted above what was allowed
     assert 1e-7 < missed < 2e-5
+
+
+def test_steps_do_not_stay_where_rounding_is_just_allowed() -> None:
+    """Without chance, steps grow until rounding is two thirds of what is allowed; none of 1500 in a second is refused.
+
+    They are longer once a shorter one shows that the error is in proportion to the length.
+    """
+    accepted, attempts, control, _ = _steps(lambda t, h: 1e3 * h + (h / 0.1) ** 4, 1e-4)
+    assert attempts < 250
+    assert max(h for _, h in accepted) > 0.03
+    assert control.noise >= 1e3
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-5])

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.export.variation.control import STREAK
 from acausal.export.variation.element import LEAST, Back, Interval, Stiffness
 from acausal.export.variation.radau import step_too_small, tolerance_of
 from acausal.export.variation.slopes import Slopes
@@ -33,9 +34,12 @@ class Structure(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_longlong) for name in ("n", "nx", "parameters", "columns", "entries", "largest")),
         *((name, ctypes.c_longlong) for name in ("stiff", "suspects", "cleared", "guessed", "capacity", "steps")),
-        *((name, ctypes.c_longlong) for name in ("refused", "due", "noted")),
+        *((name, ctypes.c_longlong) for name in ("refused", "due", "noted", "streak", "patience")),
         *((name, ctypes.c_double) for name in ("t", "end", "h", "before", "tolerance", "radau_tolerance", "least")),
-        *((name, ctypes.c_double) for name in ("shortest", "loose", "start", "noise", "probed", "probed_ratio")),
+        *(
+            (name, ctypes.c_double)
+            for name in ("shortest", "loose", "start", "noise", "probed", "probed_ratio", "steady")
+        ),
         *((name, ctypes.c_void_p) for name in ("starts", "rows", "constant", "modes")),
         *((name, ctypes.c_void_p) for name in ("w", "x", "stages", "record", "total", "peak", "scale")),
     )
@@ -118,6 +122,7 @@ class _Arguments:
             stiff=int(stiffness.stiff or slopes.n > slopes.nx),
             t=interval.start,
             due=2,
+            patience=STREAK,
             start=interval.start,
             tolerance=interval.tolerance,
             radau_tolerance=tolerance_of(interval.tolerance),

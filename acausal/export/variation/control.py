@@ -28,6 +28,8 @@ MOST_REFUSED = 150
 # above `NOISE`. An error that falls by less than half is due to a pulse that neither step resolves; one above `LARGE`
 # may be, and is not probed.
 PROBE, NOISE, UNRESOLVED, LARGE = 1 / 16, 1e-3, 0.5, 20.0
+# So is an accepted one after so many of about the same length, which errors above `LIMITING` have kept from growing.
+STREAK, LIMITING = 10, 0.1
 # Avoids division by zero.
 _TINY = 1e-290
 
@@ -56,7 +58,13 @@ class Control:
     noise: float = 0.0
     """Error due to rounding, in units of the allowed error, per second of a step [1/s]."""
     probed: tuple[float, float] | None = None
-    """Length [s] and error of the rejected step before a probe."""
+    """Length [s] and error of the step before a probe."""
+    steady: float = 0.0
+    """Length [s] of the steps of late."""
+    streak: int = 0
+    """Number of accepted steps of about this length, limited by their variations."""
+    patience: int = STREAK
+    """Value of `streak` at which the next accepted step is followed by a probe."""
     missed: Vector | None = None
     """Errors, shape (nx, k), of the last step that shorter ones would not reduce."""
 
@@ -84,6 +92,12 @@ class Control:
             after = after + np.hstack([np.zeros_like(self.missed), self.missed])
         return after
 
+    def longer(self, h: float, whole: float, growth: float) -> float:
+        """Length [s] of the step after an accepted one of length `h`, which the end of the interval may have cut."""
+        if self.probed is not None:
+            return h * PROBE
+        return max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
+
     def shorter(self, factor: float) -> float:
         """Factor by which a rejected step is shortened: that of a probe if one is due, else `factor`."""
         return factor if self.probed is None else PROBE
@@ -107,6 +121,8 @@ class Control:
         if is_noise or ratio <= 1:
             if (ratio if whole is None else whole) > 1:
                 self.missed = errors
+            if not is_noise and self._is_stuck(t, h, ratio):
+                self.probed = h, ratio
             # also for ratios below one: otherwise the step size would stay where rounding is the allowed error
             return float(min(ratio, (ratio / (self.noise * h)) ** 4)) if is_noise else ratio
         self.refused += 1
@@ -118,3 +134,14 @@ class Control:
             return ratio
         self.missed = moved if short else errors
         return 0.1 if short else 0.0  # the next step is longer, or as long as the states allow
+
+    def _is_stuck(self, t: float, h: float, ratio: float) -> bool:
+        """Whether an accepted step with this error is to be followed by a probe, as steps have not grown for long."""
+        if ratio < LIMITING or not 0.5 * self.steady < h < 2.0 * self.steady:
+            self.steady, self.streak = h, 0
+            return False
+        self.streak += 1
+        if self.streak < self.patience or h >= 0.1 * (t - self.start):
+            return False
+        self.streak, self.patience = 0, 2 * self.patience
+        return True

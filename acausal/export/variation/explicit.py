@@ -98,7 +98,7 @@ def explicit(
             continue
         t, w, x = until if h == until - t else t + h, stages[-1].copy(), control.accepted(after)
         yield ExplicitElement(t, w, x, h, matrices[:-1])
-        h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
+        h = control.longer(h, whole, growth)
 
 
 def _stages(slopes: Slopes, interval: Interval, t: float, h: float, w: Vector) -> tuple[Vector, Vector]:

@@ -133,7 +133,7 @@ class _Stepping:
             self.x = self.control.accepted(after)
             yield RadauElement(t, w, self.x, matrix, right, self.nx)
             value, entries = slopes.at(t, w, *interval.numbers)
-            h = max(h * min(max(growth, 0.3), 8.0), whole if h < whole else 0.0)
+            h = self.control.longer(h, whole, growth)
             guess = _extrapolate(stages, min(h, end - t) / before)
 
     def _stages(self, t: float, h: float, w: Vector, guess: Vector) -> tuple[Vector, Matrix, Vector] | None:

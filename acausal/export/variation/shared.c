@@ -8,6 +8,7 @@
 typedef long long count_t;
 enum { DONE = 0, FULL = 1, STIFF = 2, LOST = 3, NO_MEMORY = 4 };
 enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOST_REFUSED = 150 };
+#define LIMITING 0.1
 #define PROBE 0.0625
 #define NOISE 1e-3
 #define UNRESOLVED 0.5
@@ -20,9 +21,9 @@ enum { ITERATIONS = 10, EXPLICIT = 12, HEAD = 3, SUSPECTS = 15, CLEARED = 6, MOS
 /* `Structure` of compiled.py, field by field. Matrices are row by row. */
 struct variation {
   count_t n, nx, parameters, columns, entries, largest;
-  count_t stiff, suspects, cleared, guessed, capacity, steps, refused, due, noted;
+  count_t stiff, suspects, cleared, guessed, capacity, steps, refused, due, noted, streak, patience;
   double t, end, h, before, tolerance, radau_tolerance, least, shortest, loose;
-  double start, noise, probed, probed_ratio; /* as in control.py; `probed` is zero if no step has been probed */
+  double start, noise, probed, probed_ratio, steady; /* as in control.py; `probed` is zero if no step has been probed */
   const count_t *starts, *rows; /* of the slopes, column by column: by n variables, then by parameters */
   const double *constant, *modes;
   double *w, *x, *stages, *record, *total, *peak;
@@ -173,6 +174,15 @@ static void accept_missed(struct variation* v, const struct space* o) {
     for (j = 0; j < k; ++j) v->x[r * m + k + j] += o->missed[r * m + j];
 }
 
+/* Whether an accepted step is to be followed by a probe, as steps have not grown for long; as in control.py. */
+static int is_stuck(struct variation* v, double h, double ratio) {
+  if (ratio < LIMITING || !(0.5 * v->steady < h && h < 2 * v->steady)) { v->steady = h; v->streak = 0; return 0; }
+  if (++v->streak < v->patience || h >= 0.1 * (v->t - v->start)) return 0;
+  v->streak = 0;
+  v->patience *= 2;
+  return 1;
+}
+
 /* `ratio`, or less if shorter steps would be no better, as in control.py; `errors` are those of the variations, `whole`
    is the ratio without the allowance for rounding. */
 static double judged(struct variation* v, struct space* o, double h, double ratio, double whole, const double* errors) {
@@ -186,6 +196,7 @@ static double judged(struct variation* v, struct space* o, double h, double rati
   is_noise = ratio > 0 && ratio <= v->noise * h;
   if (is_noise || ratio <= 1) {
     if (whole > 1) noted(v, o, errors, 0);
+    if (!is_noise && is_stuck(v, h, ratio)) { v->probed = h; v->probed_ratio = ratio; }
     return is_noise ? fmin(ratio, pow(ratio / (v->noise * h), 4)) : ratio;
   }
   if (++v->refused < MOST_REFUSED && !is_short) {

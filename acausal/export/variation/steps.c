@@ -59,7 +59,7 @@ static int step(struct variation* v, struct space* o) {
     v->t = ends ? v->end : t + h;
     v->before = h;
     v->guessed = v->stiff;
-    v->h = fmax(h * fmin(fmax(grown, 0.3), 8.0), h < whole ? whole : 0.0);
+    v->h = v->probed > 0 ? h * PROBE : fmax(h * fmin(fmax(grown, 0.3), 8.0), h < whole ? whole : 0.0);
     return DONE;
   }
 }
