@@ -43,6 +43,7 @@ from acausal.simulate.record.meeting.branches import crossed_branches, looks
 from acausal.simulate.record.meeting.singular import singular_positions
 from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
 from acausal.simulate.record.sizes import unresolved
+from acausal.simulate.record.undefined import undefined_relations
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, tolerance_fraction
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
@@ -222,6 +223,7 @@ class Run:
         step = None if controlled else opts.step
         meeting = crossed_branches(self.problem, recorder, self.rows_again, step, self.solver.algebraic)
         unknown = (*unknown, *(singular_positions(recorder) or meeting))
+        unknown = (*unknown, *undefined_relations(recorder, self.p, self.u))
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.assembled(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
