@@ -7,6 +7,7 @@ signal with 55 operations take 0.2 ms instead of 2.9 ms.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,10 @@ import casadi as ca
 
 MOST_OPERATIONS = 20_000
 """Functions with more operations take longer to translate than is gained in the rows of most runs."""
+
+
+# Numbers that a maximum or minimum chooses only beside nan, or infinite ones.
+_WORST = {ca.OP_FMAX: -sys.float_info.max, ca.OP_FMIN: sys.float_info.max}
 
 
 def by_columns(function: Any, n: int, common: Sequence[int]) -> Any | None:
@@ -44,7 +49,27 @@ def by_columns(function: Any, n: int, common: Sequence[int]) -> Any | None:
         elif len(operands) == 1:
             values[target] = ca.MX.unary(operation, values[operands[0]])
         elif len(operands) == 2:
-            values[target] = ca.MX.binary(operation, values[operands[0]], values[operands[1]])
+            left, right = (values[k] for k in operands)
+            chosen = _chosen(operation, left, right)
+            values[target] = ca.MX.binary(operation, left, right) if chosen is None else chosen
         else:
             return None
     return ca.Function("columns", inputs, [ca.densify(ca.horzcat(*outputs))])
+
+
+def _chosen(operation: int, left: Any, right: Any) -> Any | None:
+    """The larger or smaller one of a column and a number, by comparisons; None for other operations.
+
+    CasADi calls the C library for each row of a minimum or maximum, which takes nine times as long as an addition.
+    Comparisons are made for several rows at once. Where one of the two is nan, the result is the other one, as in C,
+    unless the number is nan and the other one infinite.
+    """
+    if operation not in (ca.OP_FMAX, ca.OP_FMIN) or (left.numel() == 1) == (right.numel() == 1):
+        return None
+    column, number = (left, right) if right.numel() == 1 else (right, left)
+    limit = number if number.is_constant() else ca.MX.binary(operation, number, _WORST[operation])  # never nan
+    is_column = limit <= column if operation == ca.OP_FMAX else column <= limit
+    own = ca.MX.binary(ca.OP_IF_ELSE_ZERO, is_column, column)
+    if number.is_constant() and number.is_zero():
+        return own
+    return own + ca.MX.binary(ca.OP_IF_ELSE_ZERO, ca.logic_not(is_column), number)
