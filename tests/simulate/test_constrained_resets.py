@@ -10,9 +10,32 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, guess, part, pre, reset, sample, variable, when
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    connect,
+    der,
+    fixed,
+    guess,
+    parameter,
+    part,
+    pre,
+    reset,
+    sample,
+    variable,
+    when,
+)
 from acausal.errors import AcausalError
-from acausal.library.multibody import Body, Fixed, FixedTranslation, Revolute, RevolutePlanarLoopConstraint, World
+from acausal.library.multibody import (
+    Body,
+    Fixed,
+    FixedTranslation,
+    Prismatic,
+    Revolute,
+    RevolutePlanarLoopConstraint,
+    World,
+)
 
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk"]
 Action = Callable[[Any], Any]
@@ -173,3 +196,42 @@ def test_a_loop_of_two_freedoms_leaves_it_open() -> None:
         acausal.simulate(Loop(points=points), stop_time=0.4, output_interval=0.2)
     assert caught.value.code == "AC508"
     assert "joints[1].w" in str(caught.value)
+
+
+class SliderCrank(Component):
+    """A crank of 0.3 m and a rod of 0.8 m; the crank is turned on by an angle at 0.1 s, and stopped there."""
+
+    by: Real = parameter(default=0.0, unit="rad")
+    world: World = part()
+    base: Fixed = Fixed()
+    crank: Revolute = Revolute(phi=fixed(0.7), w=fixed(0.0))
+    arm: FixedTranslation = FixedTranslation(r=(0.3, 0.0, 0.0))
+    pin: Revolute = Revolute(phi=guess(-1.0))
+    rod: FixedTranslation = FixedTranslation(r=(0.8, 0.0, 0.0))
+    load: Body = Body(m=1.0, r_CM=(0.4, 0.0, 0.0), I_33=0.05)
+    guide: Prismatic = Prismatic(s=guess(1.0))
+    slider: Body = Body(m=1.0)
+    close: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint()
+
+    def build(self) -> None:
+        self.world = World(g=0.0)
+
+    def equations(self) -> Equations:
+        yield connect(self.base.frame_b, self.crank.frame_a, self.guide.frame_a)
+        yield connect(self.crank.frame_b, self.arm.frame_a)
+        yield connect(self.arm.frame_b, self.pin.frame_a)
+        yield connect(self.pin.frame_b, self.rod.frame_a, self.load.frame_a)
+        yield connect(self.rod.frame_b, self.close.frame_a)
+        yield connect(self.guide.frame_b, self.slider.frame_a, self.close.frame_b)
+        turned = reset(self.crank.phi, pre(self.crank.phi) + self.by)
+        yield when(sample(0.1, 10.0), turned, reset(self.crank.w, 0.0))
+
+
+@pytest.mark.parametrize("by", [-3.0, 1.0, 2.5, 5.0])
+def test_a_loop_is_not_taken_apart_by_a_reset_of_its_crank(by: float) -> None:
+    """s = r cos(phi) + sqrt(l^2 - r^2 sin(phi)^2); with the other root the slider is behind the crank."""
+    run = acausal.simulate(SliderCrank(by=by), stop_time=0.2, tolerance=1e-8)
+    phi = 0.7 + by
+    s = 0.3 * np.cos(phi) + np.sqrt(0.8**2 - (0.3 * np.sin(phi)) ** 2)
+    assert run.final("crank.phi") == pytest.approx(phi, abs=1e-7)
+    assert run.final("guide.s") == pytest.approx(s, abs=1e-7)

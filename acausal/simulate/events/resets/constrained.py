@@ -24,6 +24,7 @@ from acausal.simulate.record.project import constraints
 _MOST_ITERATIONS = 20  # iterations of Newton's method
 _HOLDS, _SOLVED = 1e-7, 1e-10  # largest relative error of a constraint at an event, and when it is solved
 _DRIFT = 3.0  # largest error as a multiple of that before the event
+_STEPS = 64  # in which states follow a reset of a position
 _RANK = 1e-6  # smallest singular value that counts, relative to the largest
 
 
@@ -69,7 +70,7 @@ def followed(
     after_impact = _after_impact(compiled, t, before, after, reset, numbers)
     if after_impact is not None and (_errors(compiled, t, after_impact, numbers)[0] <= allowed).all():
         return after_impact
-    x, rank = _solved(compiled, t, after, np.flatnonzero(coupled), np.flatnonzero(free), numbers)
+    x, rank = _followed_along(compiled, t, before, after, np.flatnonzero(coupled), np.flatnonzero(free), numbers)
     errors, _ = _errors(compiled, t, x, numbers)
     if rank < free.sum() or not (errors[coupled] <= _SOLVED).all() or not (errors <= allowed).all():
         raise _undetermined(compiled, t, reset, broken, np.flatnonzero(free).tolist() if rank < free.sum() else [])
@@ -106,6 +107,32 @@ def _coupled(binds: Truth, broken: Truth, held: Truth) -> tuple[Truth, Truth]:
         if (larger == coupled).all():
             return coupled, free
         coupled = larger
+
+
+def _followed_along(
+    compiled: CompiledModel,
+    t: float,
+    before: Vector,
+    after: Vector,
+    rows: NDArray[np.intp],
+    free: NDArray[np.intp],
+    numbers: tuple[Vector, Vector, Vector, Vector],
+) -> tuple[Vector, int]:
+    """`_solved` for the states after the resets, in small steps from those before where constraints are nonlinear.
+
+    A loop has several positions with the same angle of its crank, between which it would have to be taken apart.
+    Newton's method from the position before a large jump may find any of them.
+    """
+    left, right = (_at(compiled, t, x, numbers)[1][rows[:, None], free] for x in (before, after))
+    steps = 1 if np.allclose(left, right, rtol=1e-9, atol=0.0) else _STEPS
+    x, rank = after, 0
+    for k in range(1, steps + 1):
+        start = after + (1.0 - k / steps) * (before - after)
+        start[free] = x[free]
+        x, rank = _solved(compiled, t, start, rows, free, numbers)
+        if not (_errors(compiled, t, x, numbers)[0][rows] <= _HOLDS).all():
+            break
+    return x, rank
 
 
 def _solved(
