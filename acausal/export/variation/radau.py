@@ -251,12 +251,10 @@ class _Stepping:
 
         `moved`: stages minus the start, shape (STAGES, nx, ...); `rate`: shape (nx, ...).
         """
-        found = []
-        for weights in RADAU.weights:
-            right = np.zeros((self.n, *moved.shape[2:]))
-            right[: self.nx] = np.tensordot(weights, moved, 1) / h + rate
-            found.append(matrix.solve(right)[: self.nx])
-        return np.array(found)
+        right = np.zeros((self.n, 2, *moved.shape[2:]))
+        right[: self.nx] = np.moveaxis(np.tensordot(RADAU.weights, moved, 1) / h + rate, 0, 1)
+        found = matrix.solve(right.reshape(self.n, -1)).reshape(right.shape)
+        return np.moveaxis(found[: self.nx], 0, 1)
 
     def _variations(self, matrix: Matrix, right: Vector) -> Vector:
         """Variations at the stages, shape (STAGES, n, k)."""
@@ -273,15 +271,19 @@ class _Stepping:
         A fast equation keeps its variable where its terms cancel: the rounding error of the variable is that of the
         largest term, divided by the slope of the equation in its variable.
         """
-        n, nx = self.n, self.nx
-        shape = n, n + self.slopes.count
-        slopes: Any = scipy.sparse.csc_matrix((entries, self.slopes.rows, self.slopes.starts), shape=shape)
+        n, nx, is_small = self.n, self.nx, self.slopes.is_small
+        slopes: Any
+        if is_small:
+            slopes = self.slopes.dense(entries[None])[0]
+        else:
+            shape = n, n + self.slopes.count
+            slopes = scipy.sparse.csc_matrix((entries, self.slopes.rows, self.slopes.starts), shape=shape)
         rate, all_x = slopes[:, :nx] @ x, x
         if self.parameters:
-            rate = rate + slopes[:, n:].toarray()
+            rate = rate + (slopes[:, n:] if is_small else slopes[:, n:].toarray())
         if n > nx:
-            by_z = slopes[:, nx:n].tocsc()
-            algebraic = Matrix(by_z[nx:].toarray() if self.slopes.is_small else by_z[nx:]).solve(-rate[nx:])
+            by_z = slopes[:, nx:n]
+            algebraic = Matrix(by_z[nx:] if is_small else by_z[nx:].tocsc()).solve(-rate[nx:])
             rate, all_x = rate[:nx] + by_z[:nx] @ algebraic, np.vstack([x, algebraic])
         inside = slopes[:nx, :n]
         fast = RADAU.real / h + np.abs(inside.diagonal())
