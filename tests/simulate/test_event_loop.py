@@ -66,6 +66,23 @@ class Wanderer(Component):
         yield when(sample(0.0, 0.25), reset(self.held, self.x))
 
 
+class TickedOscillator(Component):
+    """x = cos(t), which counts how often it exceeds a level, beside a clock that ends stretches."""
+
+    level: Real = parameter(default=0.9, unit="")
+    tick: Real = parameter(default=1.0, unit="s")
+    x: Real = variable(default=fixed(1.0), unit="")
+    v: Real = variable(default=fixed(0.0), unit="")
+    passes: Real = integer(default=0)
+    ticks: Real = integer(default=0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.x
+        yield when(self.x > self.level, reset(self.passes, pre(self.passes) + 1))
+        yield when(sample(0.0, self.tick), reset(self.ticks, pre(self.ticks) + 1))
+
+
 class Ending(Component):
     """A clock that ends the run."""
 
@@ -153,6 +170,31 @@ def test_a_compiled_run_passes_the_events_of_an_interpreted_one(
     for name in compiled.states:
         scale = float(np.max(np.abs(theirs[name]))) + 1e-9
         assert np.max(np.abs(ours[name] - theirs[name])) <= 1e-6 * scale, name
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+def test_short_stretches_between_ticks_lose_no_pass(solver: str, passes: list[event_loop.LoopState | None]) -> None:
+    # a stretch of a small part of the run has a few mesh points only; the passes are at t = 2 pi k - acos(level)
+    compiled, ticks = acausal.compile(TickedOscillator()), 100
+    for level, periods in ((0.9, 0.37), (0.999, 0.81), (0.999, 2.3), (0.9999, 3.7)):
+        tick = 2.0 * math.pi * periods
+        stop = (ticks + 0.3) * tick
+        given = {"level": level, "tick": tick}
+        r = acausal.simulate(
+            compiled, stop_time=stop, output_interval=stop, parameters=given, tolerance=1e-9, solver=solver, native=True
+        )
+        expected = math.floor((stop + math.acos(level)) / (2.0 * math.pi))
+        assert r.final("passes") == expected, (level, periods)
+        assert r.final("ticks") == ticks + 1
+    assert all(reached is not None for reached in passes)
+
+
+def test_a_short_stretch_takes_the_steps_that_its_states_need() -> None:
+    # half a period of the converter, 50 us, is a fortieth of the period of its coil and capacitor, 2 pi sqrt(L C) = 2 ms:
+    # one step of a method of third order at 1e-5. Mesh points within a stretch ended five
+    r = acausal.simulate(BuckConverter(), stop_time=0.01, tolerance=1e-5, solver="rosenbrock", native=True)
+    assert len(r.events) == 200
+    assert cast("float", r.stats["steps"]) < 4 * len(r.events)
 
 
 def test_clutches_that_break_loose_and_stick_are_passed_in_one_call(passes: list[event_loop.LoopState | None]) -> None:

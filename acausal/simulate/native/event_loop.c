@@ -13,7 +13,7 @@
 #include <string.h>
 
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, ARRIVED = 3, INTERRUPTED = 100 };
-enum { MESH_POINTS = 64, FEWEST_POINTS = 4, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
+enum { MESH_POINTS = 64, FEWEST_POINTS = 2, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, MESH = 2 }; /* purposes of an instant */
 enum { DEEPEST = 60, MOST_POINTS = 400 };
 #define INSTANT 1e-12 /* instants closer than this fraction of the run, or of the time, coincide: guards.py */

@@ -79,7 +79,9 @@ static int may_come_to_rest(const struct event_loop* s, struct space* o, double 
   return 0;
 }
 
-/* Number of mesh points in a time span, for MESH_POINTS in the whole run (Hybrid.mesh). */
+/* Number of mesh points in a time span, for MESH_POINTS in the whole run. A step ends at each. The fewest are two, as the
+   cubics of crossings.c show what a guard does within a step (with four, those of a converter were half as long as its
+   tolerance asks for). */
 static count_t mesh_points(const struct event_loop* s, double span) {
   double found = most(FEWEST_POINTS, ceil(MESH_POINTS * span / s->span));
   return found < MESH_POINTS ? (count_t) found : MESH_POINTS;
