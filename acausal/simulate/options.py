@@ -18,6 +18,7 @@ from acausal.lower.cache.cache import choices_hold_for
 from acausal.lower.cache.divisors import LOST, shrunken_divisor
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
+from acausal.simulate.multiples import multiples
 from acausal.simulate.solvers.segment import Tolerances
 
 # Below this tolerance the rounding of sixteen digits exceeds the allowed error of a step: no step would be accepted.
@@ -59,7 +60,7 @@ class Options:
     def grid(self) -> NDArray[np.float64]:
         """Output times [s]: multiples of the interval from the start, and the stop time."""
         count = math.floor((self.stop_time - self.start_time) / self.output_interval * (1 + 1e-12) + 1e-9)
-        times: NDArray[np.float64] = self.start_time + self.output_interval * np.arange(count + 1, dtype=np.float64)
+        times = multiples(self.start_time, self.output_interval, np.arange(count + 1))
         if self.stop_time - times[-1] > 1e-9 * self.output_interval:
             return np.append(times, self.stop_time)
         times[-1] = self.stop_time

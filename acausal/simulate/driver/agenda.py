@@ -7,6 +7,7 @@ them, stretch by stretch. The driver does not distinguish them: it goes from sto
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,7 @@ from acausal.simulate.equations.kinks import NONE, Kinks
 from acausal.simulate.events.errors import not_a_clock
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.inputs.given import Inputs
+from acausal.simulate.multiples import multiples
 from acausal.simulate.native.program import Placed
 from acausal.simulate.record.record import Recorder
 
@@ -285,10 +287,8 @@ def due(compiled: CompiledModel, p: Vector, times: Vector) -> Vector:
 def _ticks(first: float, interval: float, start: float, stop: float) -> Vector:
     """The ticks of a clock between two times [s], which are included up to rounding errors."""
     margin = _AT_TICK + _ROUNDING * max(abs(first), abs(start), abs(stop)) / interval
-    k = np.arange(
-        max(0.0, np.ceil((start - first) / interval - margin)), np.floor((stop - first) / interval + margin) + 1
-    )
-    return first + interval * k
+    begin, end = math.ceil((start - first) / interval - margin), math.floor((stop - first) / interval + margin)
+    return multiples(first, interval, np.arange(max(0, begin), end + 1))
 
 
 def _nearest(times: Vector, ticks: Vector) -> NDArray[np.int64]:

@@ -1,0 +1,32 @@
+"""Multiples of an interval, as a user would write them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acausal.arrays import Vector
+
+# Intervals are taken for fractions with denominators up to this, if one of these is the same number; and the largest
+# integer that a number holds exactly.
+_LARGEST_DENOMINATOR, _EXACT = 10**9, 2**53
+
+
+def multiples(first: float, interval: float, k: NDArray[np.int64]) -> Vector:
+    """Instants `first + k * interval` [s], rounded once: the third multiple of 0.3 is 0.9, not 0.8999999999999999.
+
+    A product rounds the interval and then its multiple, so that tables of results would have times of 17 digits.
+    """
+    instants: Vector = first + interval * k
+    a, h = (Fraction(v).limit_denominator(_LARGEST_DENOMINATOR) for v in (first, interval))
+    if not len(k) or float(a) != first or float(h) != interval:
+        return instants
+    denominator = a.denominator * h.denominator
+    offset, factor = a.numerator * h.denominator, h.numerator * a.denominator
+    largest = abs(offset) + factor * int(np.abs(k).max())
+    if max(largest, denominator) > _EXACT:
+        return instants
+    # both integers are exact, and a division rounds once
+    return np.asarray((offset + factor * k.astype(np.float64)) / denominator)
