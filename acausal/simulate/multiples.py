@@ -19,7 +19,7 @@ def multiples(first: float, interval: float, k: NDArray[np.int64]) -> Vector:
 
     A product rounds the interval and then its multiple, so that tables of results would have times of 17 digits.
     """
-    instants: Vector = first + interval * k
+    instants: Vector = np.asarray(first + interval * k, dtype=np.float64)
     a, h = (Fraction(v).limit_denominator(_LARGEST_DENOMINATOR) for v in (first, interval))
     if not len(k) or float(a) != first or float(h) != interval:
         return instants

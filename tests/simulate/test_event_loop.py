@@ -190,7 +190,7 @@ def test_short_stretches_between_ticks_lose_no_pass(solver: str, passes: list[ev
 
 
 def test_a_short_stretch_takes_the_steps_that_its_states_need() -> None:
-    # half a period of the converter, 50 us, is a fortieth of the period of its coil and capacitor, 2 pi sqrt(L C) = 2 ms:
+    # half a period of the converter, 50 us, is a fortieth of the period of coil and capacitor, 2 pi sqrt(L C) = 2 ms:
     # one step of a method of third order at 1e-5. Mesh points within a stretch ended five
     r = acausal.simulate(BuckConverter(), stop_time=0.01, tolerance=1e-5, solver="rosenbrock", native=True)
     assert len(r.events) == 200
