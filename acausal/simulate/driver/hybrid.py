@@ -16,9 +16,10 @@ from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.driver.missed.missed_events import MissedEvents
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.errors import accumulated, unsettled
-from acausal.simulate.events.guards import Cause, Guards, Moment, resting_band, same_instant
+from acausal.simulate.events.guards import Cause, Guards, Moment, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.arrival import Arrival
+from acausal.simulate.events.location.guard_arguments import guard_arguments
 from acausal.simulate.events.location.patience import MOST_LOOKS
 from acausal.simulate.events.location.phases import may_pulse, shows_pulses
 from acausal.simulate.events.location.search import Search
@@ -56,6 +57,10 @@ _CALL_OVERHEAD = 600.0
 _UNSAMPLED = (
     f"looked at {MOST_LOOKS} times in a hundredth of the run in vain, and from then on only where steps of the solver "
     "end, between which it may be passed there and back; max_step bounds them"
+)
+_UNFACTORED = (
+    "a polynomial, or a product with kinks, of so many factors that what it does within one step may be missed; "
+    "max_step bounds the steps"
 )
 
 
@@ -126,6 +131,9 @@ class Hybrid:
         `initial()` is true, unless `flag` is None: in a run that continues with given states.
         """
         moment = Moment(start.x, start.z, m.copy(), Regime(self.problem))
+        arguments = guard_arguments(self.problem.compiled)
+        for relation in () if arguments is None or self.template.max_step is not None else arguments.unsampled:
+            self._note(f"{self.guards.texts[relation]}: {_UNFACTORED}")
         self.bounces.begin(t)
         happened = self.iteration.settle(t, moment, m, flag=flag)
         self.passages.append(Passage(t, moment, None, happened, edge=True))
@@ -453,8 +461,8 @@ class Hybrid:
         """
         if not moment.regime.active_set.owners:
             return np.zeros(0)
+        resting = self.guards.resting_band(t, moment)
         g, rate, noise = self.guards.state(t, moment)
-        resting = resting_band(g, rate, noise)
         behind = self.guards.are_at_zero(t, g, rate, noise)
         return np.where(resting > 0.0, resting, np.where(behind, np.maximum(-2.0 * g, 0.0), 0.0))
 

@@ -25,6 +25,8 @@ LATE = 100
 LEAST = 1e-15
 # The relative rounding errors of loads.
 _LOAD_ROUNDING = 1e-13
+# States are moved by different fractions of their errors, multiples of the golden ratio.
+_GOLDEN = 0.618
 # Guards are located to this fraction of their noise.
 LOCATED = 1e-2
 # The slowest rate that is assumed to predict when a guard is reached.
@@ -121,10 +123,7 @@ class Guards:
         `between`: Whether the point is within a step, so that its errors have not relaxed.
         `distances`: Those at this point, if they are known.
         """
-        problem = self.problem
-        # errors of the solution: ten tolerances
-        x_and_z = 10 * self.tolerances.of(np.concatenate([at.x, at.z]), self._nominal)
-        errors = x_and_z[: len(at.x)], x_and_z[len(at.x) :]
+        problem, errors = self.problem, self._errors(at)
         rates, noise, by_z, alg, alg_z = at.regime.active_set.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
         if len(at.z):
             z_rates = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
@@ -135,10 +134,40 @@ class Guards:
                 noise[near] = np.minimum(noise[near], self._relaxed(t, at, errors[0], np.flatnonzero(near)))
         noise += np.abs(rates) * same_instant(self.span, t)  # instants are located only up to rounding errors
         noise[noise == 0.0] = LEAST
-        if self._has_shared_loads:
-            # an element at its limit beside others that are stuck is at its guard up to rounding errors of loads
-            noise += _LOAD_ROUNDING * (1.0 + np.abs(at.z).max())
-        return rates, _finite(noise)
+        return rates, _finite(noise + self._load_noise(at))
+
+    def _load_noise(self, at: Moment) -> float:
+        """An element at its limit beside others that are stuck is at its guard up to rounding errors of loads."""
+        return _LOAD_ROUNDING * (1.0 + float(np.abs(at.z).max())) if self._has_shared_loads else 0.0
+
+    def _errors(self, at: Moment) -> tuple[Vector, Vector]:
+        """Errors of states and algebraic variables: ten tolerances."""
+        x_and_z = 10 * self.tolerances.of(np.concatenate([at.x, at.z]), self._nominal)
+        return x_and_z[: len(at.x)], x_and_z[len(at.x) :]
+
+    def resting_band(self, t: float, at: Moment) -> Vector:
+        """How far below zero guards at rest may be: by their noise; 0 for all others. Shape (guards,).
+
+        A guard that still falls after its mode was kept for a moment gets just enough for that to be seen.
+        """
+        g, rate, noise = self.state(t, at)
+        band = _resting_band(g, rate, noise)
+        return _resting_band(g, rate, self.steady(t, at, noise)) if band.any() else band
+
+    def steady(self, t: float, at: Moment, noise: Vector) -> Vector:
+        """The noise of guards, where it is as large beside this point, within the errors of states; shape (guards,).
+
+        Where a slope is steep for a moment (`1/(x + 1e-12)` at zero), noise by this slope exceeds all values that the
+        guard will ever have: a guard is at rest only if its value is small beside this point, too.
+        """
+        problem, errors, found = self.problem, self._errors(at), np.full(len(at.regime.active_set.owners), -np.inf)
+        shift = errors[0] * (1.0 - 0.5 * (np.arange(len(at.x)) * _GOLDEN % 1.0))  # no two states by the same fraction
+        for x in (at.x + shift, at.x - shift):
+            rates, beside, *_ = at.regime.active_set.rates(t, x, at.z, problem.u, problem.p, at.m, *errors)
+            beside = beside + np.abs(rates) * same_instant(self.span, t)
+            found = np.fmax(found, np.where(np.isfinite(beside), beside, -np.inf))
+        known: Truth = np.isfinite(found)
+        return np.where(known, np.minimum(noise, np.maximum(found + self._load_noise(at), LEAST)), noise)
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """The noise of these guards after errors of the states have relaxed over a step (`ActiveSet.relaxed`).
@@ -216,14 +245,11 @@ class Guards:
 
 
 def _finite(noise: Vector) -> Vector:
-    """Noise that is not finite counts as almost none."""
-    return noise if np.isfinite(noise).all() else np.nan_to_num(noise, nan=1e-15, posinf=1e-15)
+    """Noise that is not finite counts as almost none; it is at most the largest distance, as distances are."""
+    return np.where(np.isfinite(noise), np.minimum(noise, FAR), LEAST)
 
 
-def resting_band(g: Vector, rate: Vector, noise: Vector) -> Vector:
-    """How far below zero guards at rest may be: by their noise; 0 for all others. Shape (guards,).
-
-    A guard that still falls after its mode was kept for a moment gets just enough for that to be seen.
-    """
+def _resting_band(g: Vector, rate: Vector, noise: Vector) -> Vector:
+    """See `Guards.resting_band`."""
     width = np.where(rate < -noise, 2 * LOCATED * noise, 2 * noise)
     return np.where((g <= LOCATED * noise) & (rate <= noise), width, 0.0)

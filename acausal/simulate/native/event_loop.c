@@ -21,6 +21,8 @@ enum { DEEPEST = 60, MOST_POINTS = 400 };
 #define ROUNDINGS 2e-14
 #define LOCATED 1e-2
 #define BEHIND 1.001
+#define GOLDEN 0.618
+#define STEADY 0.1 /* the least noise beside a point, in that of the point, where a guard counts as resting */
 #define LATE 100
 #define NEVER 1e300
 #define LARGEST_STEP 0.785 /* the largest change of a phase within a step [rad]: phases.py */
@@ -104,7 +106,7 @@ struct space {
   double *assigned, *next_x, *next_m, *next_was, *next_decided, *acting, *applied, *conditions, *remembered, *asserts; /* of rounds */
   double *was, *decided;
   double next_level, settled, clash, level;
-  double *g, *rate, *error, *noise, *largest_noise, *band, *later_band, *no_band, *approach;
+  double *g, *rate, *error, *noise, *largest_noise, *band, *later_band, *no_band, *approach, *beside_rate, *beside_noise;
   double *before_x, *before_m, *left_m, *instants, *lengths, *row, *ahead, *parameters, *x0, *nodes;
   struct node node[DEEPEST + 2];
   double first, past; /* state of the step size control */

@@ -113,6 +113,31 @@ static int pass_event(struct event_loop* s, struct space* o, double time) {
   return 0;
 }
 
+/* Whether the noise of resting guards is as large beside the states of this node, within their errors; if not, their
+   slopes are steep for a moment only (`Guards.resting_band`). */
+static int are_steady(struct event_loop* s, struct space* o) {
+  count_t k, side;
+  int any = 0;
+  for (k = 0; k < s->relations; ++k) any |= o->later_band[k] > 0;
+  if (!any) return 1;
+  take_errors(s, o, s->x);
+  for (k = 0; k < s->relations; ++k) o->approach[k] = 0.0;
+  for (side = 0; side < 2; ++side) {
+    for (k = 0; k < s->states; ++k)
+      o->x0[k] = s->x[k] + (side ? -1 : 1) * o->error[k] * (1 - 0.5 * fmod(GOLDEN * (double) k, 1));
+    o->arg[0] = &s->here; o->arg[1] = o->x0; o->arg[2] = o->held; o->arg[3] = o->error;
+    o->res[0] = 0; o->res[1] = o->beside_rate; o->res[2] = o->beside_noise; o->res[3] = 0;
+    if (judged(o->arg, o->res, o->iw, o->w, 0)) return 0;
+    for (k = 0; k < s->relations; ++k) {
+      double noise = o->beside_noise[k] + fabs(o->beside_rate[k]) * as_one(s, s->here);
+      if (isfinite(noise)) o->approach[k] = most(o->approach[k], noise);
+    }
+  }
+  for (k = 0; k < s->relations; ++k)
+    if (o->later_band[k] > 0 && o->approach[k] < STEADY * o->noise[k]) return 0;
+  return 1;
+}
+
 /* Integrate over a stretch, and the event that ends it. */
 static int integrate_stretch(struct event_loop* s, struct space* o) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
@@ -142,6 +167,7 @@ static int integrate_stretch(struct event_loop* s, struct space* o) {
       ? most(-BEHIND * o->g[k], 0.0) : o->later_band[k];
     o->no_band[k] = NEVER;
   }
+  if (!are_steady(s, o)) return UNUSUAL;
   for (k = from; k < until || mesh <= points;) { /* outputs and mesh points, merged */
     double at = mesh < points ? s->here + (end - s->here) * mesh / points : end;
     if (mesh <= points && (k == until || at <= s->times[k])) {
@@ -215,12 +241,12 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
-                     r, r, n, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
+                     r, r, n, r, r, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
                      n, s->modes, r, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
-                      &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach, &o->before_x, &o->before_m,
-                      &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
+                      &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach,
+                      &o->beside_rate, &o->beside_noise, &o->before_x, &o->before_m, &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
                       &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
                       &o->relaxed_noise, &o->mean_rate, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;

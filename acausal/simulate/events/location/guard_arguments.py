@@ -21,7 +21,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.events.location.enclosures import Enclosure
 from acausal.simulate.events.location.guard_graph import GuardGraph
-from acausal.simulate.events.location.windings import FACTOR, WINDING, windings
+from acausal.simulate.events.location.windings import FACTOR, WINDING, sampled_operations, unsampled, windings
 
 _PERIODIC = frozenset(("sin", "cos", "tan"))
 # Which operand of a steep function is its argument; of a power it may also be the exponent.
@@ -50,6 +50,8 @@ class Arguments:
     """Of the arguments of `WINDING`; None if there are none."""
     wound: tuple[int, ...]
     """The number of the relation of each of these."""
+    unsampled: tuple[int, ...]
+    """The numbers of those relations with more factors than are sampled."""
 
     @cached_property
     def is_phase(self) -> Truth:
@@ -91,7 +93,8 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     symbols = Symbols(compiled)
     builder = symbols.defined(compiled)
     graph = GuardGraph(compiled, builder.pool)
-    found: dict[tuple[str, tuple[int, ...]], tuple[bool, bool]] = {key: (False, False) for key in windings(graph)}
+    wound = windings(graph)
+    found = dict.fromkeys(sampled_operations(graph, wound), (False, False))
     for n in sorted(graph.guarded & graph.moving):
         for sampled in _sampled(graph, n):
             is_effective, is_resolved = found.get(sampled, (True, True))
@@ -113,7 +116,8 @@ def _made(compiled: CompiledModel) -> Arguments | None:
         effective_ones,
         resolved_ones,
         Enclosure(ca.Function("windings", symbols.inputs, [column[winding]])) if winding else None,
-        tuple(compiled.state_events.relations.index(n) for op, (n, *_) in found if op == WINDING),
+        tuple(map(compiled.state_events.relations.index, wound)),
+        tuple(map(compiled.state_events.relations.index, sorted(unsampled(wound)))),
     )
 
 

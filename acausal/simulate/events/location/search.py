@@ -28,7 +28,7 @@ from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.patience import Patience
 from acausal.simulate.events.location.phases import first_swing
-from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task
+from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task, needs_more_steps
 from acausal.simulate.events.location.withdrawn import Withdrawn
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
@@ -71,11 +71,6 @@ _MOST_FAILURES, _PROGRESS = 100, 1e-6
 _MOST_STEPS_STUCK, _ADVANCE = 20_000, 1e-4
 # The number of parts of a stretch without guards that needs more steps than one call of a solver may take.
 _PARTS = 1000
-
-
-def _needs_more_steps(message: str) -> bool:
-    """Whether a solver has stopped for want of steps; a one-step method reports only that it has not arrived."""
-    return "TOO_MUCH_WORK" in message or message.startswith("segment returned")
 
 
 @dataclass
@@ -203,6 +198,9 @@ class Search:
         g, rate, noise = self.guards.state(t, at)
         moved = np.abs(g) + np.abs(rate) * (t - task.start.time)
         resting: Truth = (moved <= LOCATED * noise) & ~task.start.leaving
+        if resting.any():
+            noise = self.guards.steady(t, at, noise)
+            resting &= moved <= LOCATED * noise
         task.band = np.where(resting, np.maximum(task.band, 2.0 * LOCATED * noise), task.band)
         return resting
 
@@ -294,16 +292,16 @@ class Search:
                 raise RuntimeError(message)
             task.failures_from = here
         if not task.moment.regime.active_set.owners:
-            if task.is_split or not _needs_more_steps(message):
+            if task.is_split or not needs_more_steps(message):
                 raise RuntimeError(message)
             task.is_split = True
             return
-        if task.finer and task.tolerance_factor < 1.0 and not _needs_more_steps(message):
+        if task.finer and task.tolerance_factor < 1.0 and not needs_more_steps(message):
             task.tolerance_factor = 1.0  # rounding errors of voltages over micro-ohms exceed the stricter tolerance
             return
         if float(marks[0]) - here <= 2.0 * meshing.resolution(here, self.span):
             # a start at a kink may take many tiny steps
-            if not _needs_more_steps(message) or task.steps_allowed >= _MOST_STEPS_STUCK:
+            if not needs_more_steps(message) or task.steps_allowed >= _MOST_STEPS_STUCK:
                 raise RuntimeError(message)
             task.steps_allowed *= _DIVISION
             return

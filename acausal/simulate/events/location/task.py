@@ -76,3 +76,8 @@ class Task:
     looked_until: float = -math.inf
     relations: bytes = b""
     most_points: int = FIRST_POINTS
+
+
+def needs_more_steps(message: str) -> bool:
+    """Whether a solver has stopped for want of steps; a one-step method reports only that it has not arrived."""
+    return "TOO_MUCH_WORK" in message or message.startswith("segment returned")

@@ -1,36 +1,69 @@
 """Relations that may come and go between points at which they look smooth: polynomials of a high degree.
 
-The cubics of compiled loops and the parabolas of a search show polynomials up to the third degree. A kink counts as a
-square. Those of a higher degree have all of their zeros where one of their factors is small.
+The parabolas of a search show polynomials of the second degree. A kink counts as a square. Those of a higher degree
+have all of their zeros where one of their factors is small.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Set
 
+from acausal.language.expressions.external import Call
 from acausal.simulate.events.location.guard_graph import GuardGraph
 
 WINDING, FACTOR = "winding", "factor"
 """Operations of a relation of a high degree, with itself and its sides as operands, and of a factor in it."""
 # The degree up to which polynomials show relations, and the most factors of one whose zeros are sampled.
-_MOST_DEGREE, _MOST_FACTORS = 3, 16
+_MOST_DEGREE, _MOST_FACTORS = 2, 16
 
 
-def windings(graph: GuardGraph) -> list[tuple[str, tuple[int, ...]]]:
-    """Relations of a high degree on which no rate depends, and their factors: operations and operands."""
-    degrees, factors = dict[int, int](), dict[int, set[int]]()
-    found: dict[tuple[str, tuple[int, ...]], None] = {}
+def windings(graph: GuardGraph) -> dict[int, set[int]]:
+    """Relations of a high degree that no rate shows as long as they do not hold, and the factors of each.
+
+    Where external functions are behind a relation, rates show it as some relations hold. Bounds of those functions
+    would be too wide to exclude anything.
+    """
+    opaque = _opaque(graph)
+    hidden = {n: factors for n, factors in _wound(graph, graph.resolved).items() if n not in opaque}
+    return hidden | _wound(graph, graph.effective)
+
+
+def sampled_operations(graph: GuardGraph, found: dict[int, set[int]]) -> Iterator[tuple[str, tuple[int, ...]]]:
+    """The operations and operands of some relations, and of their factors, unless there are too many to sample."""
+    for n, factors in found.items():
+        yield WINDING, (n, *graph.operands(n))
+        if len(factors) <= _MOST_FACTORS:
+            yield from ((FACTOR, (k,)) for k in sorted(factors))
+
+
+def unsampled(found: dict[int, set[int]]) -> set[int]:
+    """Relations with more factors than are sampled."""
+    return {n for n, factors in found.items() if len(factors) > _MOST_FACTORS}
+
+
+def _wound(graph: GuardGraph, shown: Set[int]) -> dict[int, set[int]]:
+    """Relations of a high degree and their factors, where rates show the nodes `shown`."""
+    degrees, factors, found = dict[int, int](), dict[int, set[int]](), dict[int, set[int]]()
     for n in graph.in_order(sorted(graph.guarded)):
         inner = graph.operands(n)
         of, within = [degrees.get(k, 0) for k in inner], set[int]().union(*(factors.get(k, ()) for k in inner))
         if n in graph.relations:
             if max(of) > _MOST_DEGREE:
-                found[WINDING, (n, *inner)] = None
-                found |= {(FACTOR, (k,)): None for k in within if len(within) <= _MOST_FACTORS}
+                found[n] = within
         elif n in graph.moving:
-            degrees[n] = 1 if n in graph.effective or not inner else _degree(graph, n, of)
+            degrees[n] = 1 if n in shown or not inner else _degree(graph, n, of)
             factors[n] = within if degrees[n] == 1 else within.union(_factors(graph, n, of))
-    return list(found)
+    return found
+
+
+def _opaque(graph: GuardGraph) -> set[int]:
+    """Nodes that depend on an external function."""
+    found = set[int]()
+    for n in graph.in_order(sorted(graph.guarded)):
+        if isinstance(graph.pool.nodes[n][0], Call) or not found.isdisjoint(graph.operands(n)):
+            found.add(n)
+    return found
 
 
 def _degree(graph: GuardGraph, n: int, of: list[int]) -> int:
