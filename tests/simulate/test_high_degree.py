@@ -29,6 +29,7 @@ def _doubled(s: Any, times: int) -> Any:
 # What becomes positive, of s = (t - c)/w, and how often.
 _RELATIONS: dict[str, tuple[Callable[[Any, Any], Any], int]] = {
     "two minima": (lambda s, f: 0.5 - (s**2 - 1) ** 2, 2),
+    "three zeros": (lambda s, f: s**3 - s, 2),
     "product of four": (lambda s, f: -(s + 1) * (s + 0.2) * (s - 0.3) * (s - 1), 2),
     "product of distances": (lambda s, f: 0.01 - f.fabs(s) * f.fabs(s - 1), 2),
     "distance from a circle": (lambda s, f: 0.01 - f.fabs(s**2 - 1), 2),
@@ -76,6 +77,35 @@ def test_each_peak_of_a_chebyshev_polynomial_is_found(solver: str, native: bool)
 
     r = acausal.simulate(Chebyshev(), solver=solver, native=native, stop_time=1.0, output_interval=0.1)
     assert float(r.final("count")) == 32  # the peak at the start is none that is reached
+
+
+class Recurrence(Component):
+    """The Chebyshev polynomial of degree 53, by its recurrence, around the middle of the run."""
+
+    w: Real = parameter(default=1e-3)
+    x: Real = variable(default=fixed(0.0))
+    count: Real = discrete(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        s = (self.x - 0.5) / self.w
+        before, t = s * 0 + 1, s
+        for _ in range(52):
+            before, t = t, 2 * s * t - before
+        yield der(self.x) == 1
+        yield when(t > 0.7, reset(self.count, pre(self.count) + 1))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas"])
+def test_a_relation_of_too_many_factors_is_noted(solver: str, caplog: pytest.LogCaptureFixture) -> None:
+    """T(53) exceeds 0.7 at 26 maxima between -1 and 1, and from just below 1 on."""
+    model = acausal.compile(Recurrence())
+    given: dict[str, Any] = {"solver": solver, "stop_time": 1.0, "output_interval": 0.1}
+    r = acausal.simulate(model, parameters={"w": 3.8e-4}, **given)
+    assert float(r.final("count")) == 27
+    assert "so many factors that what it does within one step may be missed" in caplog.text
+    caplog.clear()
+    acausal.simulate(model, max_step=0.1, **given)
+    assert "so many factors" not in caplog.text
 
 
 _PRODUCTS: dict[str, Callable[..., Any]] = {

@@ -495,10 +495,10 @@ class Search:
         It is not if all guards that are passed have left zero at the start of the stretch, because the end of a short
         hop must not be taken for its beginning; nor if one has come to rest, because it jumps there and has no root.
         """
-        if not task.finer:
-            return False
-        if len(task.finer) >= _DEEPEST or width <= _DIVISION * meshing.resolution(float(mesh.times[row]), self.span):
+        if width <= _DIVISION * meshing.resolution(float(mesh.times[row]), self.span):
             return True
+        if not task.finer or len(task.finer) >= _DEEPEST:
+            return bool(task.finer)
         passed = mesh.values[row + 1] < 0.0
         if (passed & self._jumps(task, mesh.plain(row, row + 2))).any():
             return False
