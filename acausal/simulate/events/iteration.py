@@ -511,7 +511,7 @@ class Iteration:
         result = Round(*found)
         # nan differs from itself, so rounds would not settle
         undefined = [*self.assigned[np.isnan(result.assigned)].tolist(), *np.flatnonzero(np.isnan(result.x)).tolist()]
-        if undefined:
+        if undefined and not result.clash:
             raise not_a_number(p.compiled, t, undefined[0])
         return result
 

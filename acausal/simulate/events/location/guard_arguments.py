@@ -94,7 +94,8 @@ def _made(compiled: CompiledModel) -> Arguments | None:
     builder = symbols.defined(compiled)
     graph = GuardGraph(compiled, builder.pool)
     wound = windings(graph)
-    found = dict.fromkeys(sampled_operations(graph, wound), (False, False))
+    found: dict[tuple[str, tuple[int, ...]], tuple[bool, bool]]
+    found = {key: (False, False) for key in sampled_operations(graph, wound)}
     for n in sorted(graph.guarded & graph.moving):
         for sampled in _sampled(graph, n):
             is_effective, is_resolved = found.get(sampled, (True, True))

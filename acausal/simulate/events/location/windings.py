@@ -21,11 +21,12 @@ _MOST_DEGREE, _MOST_FACTORS = 2, 16
 def windings(graph: GuardGraph) -> dict[int, set[int]]:
     """Relations of a high degree that no rate shows as long as they do not hold, and the factors of each.
 
-    Where external functions are behind a relation, rates show it as some relations hold. Bounds of those functions
-    would be too wide to exclude anything.
+    Where external functions are behind a relation, rates show it as some relations hold: bounds of those functions
+    would be too wide to exclude anything. So do kinks of rates, which are no events.
     """
-    opaque = _opaque(graph)
-    hidden = {n: factors for n, factors in _wound(graph, graph.resolved).items() if n not in opaque}
+    relations, watched = graph.compiled.state_events.relations, graph.compiled.state_events.watched
+    shown = _opaque(graph).union(relations[k] for k in watched)
+    hidden = {n: factors for n, factors in _wound(graph, graph.resolved).items() if n not in shown}
     return hidden | _wound(graph, graph.effective)
 
 
