@@ -21,6 +21,7 @@ enum { DEEPEST = 60, MOST_POINTS = 400 };
 #define ROUNDINGS 2e-14
 #define LOCATED 1e-2
 #define BEHIND 1.001
+#define ROUNDED 1e-15 /* noise of guards that depend on no error */
 #define GOLDEN 0.618
 #define STEADY 0.1 /* the least noise beside a point, in that of the point, where a guard counts as resting */
 #define LATE 100
@@ -264,7 +265,7 @@ static int rates_at(const struct event_loop* s, struct space* o, double t, const
 #endif
   for (k = 0; k < s->relations; ++k) {
     o->noise[k] += fabs(o->rate[k]) * instant;
-    if (o->noise[k] == 0) o->noise[k] = 1e-15; /* independent of errors, but rounded */
+    if (o->noise[k] == 0) o->noise[k] = ROUNDED; /* independent of errors */
     if (!isfinite(o->noise[k])) return UNUSUAL;
   }
   memcpy(o->relaxed_noise, o->noise, relations);

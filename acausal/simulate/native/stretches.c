@@ -121,7 +121,7 @@ static int are_steady(struct event_loop* s, struct space* o) {
   for (k = 0; k < s->relations; ++k) any |= o->later_band[k] > 0;
   if (!any) return 1;
   take_errors(s, o, s->x);
-  for (k = 0; k < s->relations; ++k) o->approach[k] = 0.0;
+  for (k = 0; k < s->relations; ++k) o->approach[k] = ROUNDED; /* as in rates_at */
   for (side = 0; side < 2; ++side) {
     for (k = 0; k < s->states; ++k)
       o->x0[k] = s->x[k] + (side ? -1 : 1) * o->error[k] * (1 - 0.5 * fmod(GOLDEN * (double) k, 1));
