@@ -72,8 +72,7 @@ def simulate(
     solver
         "auto", "idas", "rosenbrock", "cvodes", "erk", "collocation", "rk" or "rk2".
     max_step
-        Bound on the steps [s] of a solver that chooses them. Below the duration of a pulse, it prevents the solver from
-        stepping over that pulse.
+        Bound on the steps [s] of a solver that chooses them; if shorter than a pulse, none steps over that pulse.
     parameters
         Values by path, as numbers in SI or strings with a unit ("1 N/cm"). They never recompile a compiled model.
     inputs

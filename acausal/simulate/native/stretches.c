@@ -114,7 +114,7 @@ static int pass_event(struct event_loop* s, struct space* o, double time) {
 }
 
 /* Whether the noise of resting guards is as large beside the states of this node, within their errors; if not, their
-   slopes are steep for a moment only (`Guards.resting_band`). */
+   slopes are steep for a moment only (`Guards.steady`). */
 static int are_steady(struct event_loop* s, struct space* o) {
   count_t k, side;
   int any = 0;

@@ -98,8 +98,7 @@ def sweep(
         cluster of `workers` processes on this machine. It is opened before the first run. The first member, and the
         second if the first is fast, run in this process, to check the request and to estimate the time of the others.
     file
-        A `.sweep` file to which each chunk is written when it is done; None stores everything in memory. A sweep that
-        is there already is never overwritten.
+        A `.sweep` file to which finished chunks go, and which must not contain a sweep yet; None: all is in memory.
     resume
         Run only the members missing in `file`, which must belong to the same sweep; failed members are not repeated.
     progress
