@@ -227,7 +227,7 @@ def test_kinks_that_cannot_be_watched_do_not_end_a_run(solver: str, monkeypatch:
             yield second * der(self.x) == 1.0
             yield second * der(self.y) == maximum(maximum(self.x - 1.0, 0.0), 1e-300)
 
-    def all_kinks(solution: Any, located: Any, discrete: Any, system: Any) -> LocatedKinks:
+    def all_kinks(solution: Any, located: Any, discrete: Any, system: Any, **_: Any) -> LocatedKinks:
         pool = solution.structure.reduced.pool
         nodes = [n for n in pool.reachable(solution.residuals) if pool.nodes[n][0] == "max"]
         nodes += [n for _, d in solution.definitions for n in pool.reachable([d]) if pool.nodes[n][0] == "max"]

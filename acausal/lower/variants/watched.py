@@ -96,7 +96,7 @@ def _lowered(
     if any(pool.nodes[n][0] in _KINKS | _BURSTS for n in pool.reachable(roots)):
         split_relations = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
         located = *compiled.state_events.relations, *compiled.time_events.relations, *split_relations
-        kinks = located_kinks(solution, located, discrete_variables(reduced), system)
+        kinks = located_kinks(solution, located, discrete_variables(reduced), system, slopes=branches)
     if not kinks.watched and not kinks.bursts and not numbers:
         return None, kinks
     lowered = lower(solution, compiled.driven, replace(kinks, numbers=numbers, branches=branches))
