@@ -45,3 +45,20 @@ def test_a_relation_that_always_has_a_value_is_not(solver: str) -> None:
     result = acausal.simulate(Existing(), stop_time=2.0, solver=solver)
     assert "no value" not in str(result.stats["notes"])
     assert result.final("y") == pytest.approx(0.5, abs=1e-5)
+
+
+class Power(Component):
+    """A relation with an integer power, which has a value everywhere; x = t - 1 reaches x**3 = 1/8 at t = 1.5."""
+
+    x: Real = variable(default=fixed(-1.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.y) == where(self.x**3 > 0.125, 1.0, -1.0)
+
+
+def test_integer_powers_have_a_value() -> None:
+    result = acausal.simulate(Power(), stop_time=2.0)
+    assert "no value" not in str(result.stats["notes"])
+    assert result.final("y") == pytest.approx(-1.0, abs=1e-6)
