@@ -94,7 +94,7 @@ def located_kinks(
         if not np.isfinite(distance).all() or np.count_nonzero(np.abs(distance) <= _ZERO * np.abs(distance).max()) > 1:
             continue  # its operand rests at the kink until another kink moves it: maximum(f(maximum(u, 0)), 0)
         direction = _direction_key(distance)
-        if direction in known_directions or not slopes and _is_drag(graph, number, images):
+        if direction in known_directions or (not slopes and _is_drag(graph, number, images)):
             continue
         op, *operands = pool.nodes[number]
         both_vary = all(graph.moves(n) for n in (operands[1:] if op == "where" else (a, b)))
