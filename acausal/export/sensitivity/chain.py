@@ -17,10 +17,10 @@ from typing import Any, TypeVar
 import casadi as ca
 import numpy as np
 
-from acausal.arrays import Vector
+from acausal.arrays import Truth, Vector
 from acausal.export.observed import observed_function
 from acausal.export.ports import Output
-from acausal.export.sensitivity.saltation import Saltation
+from acausal.export.sensitivity.saltation import EventMap, Saltation
 from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.export.variation.control import LEAST_SHARE
 from acausal.export.variation.element import Accuracy, Back, Interval, Stiffness
@@ -35,6 +35,8 @@ from acausal.simulate.events.regime import Regime
 _APART = 1e-12
 # Smallest uncertainty of an instant, as a fraction of the run, and the largest one in units of the smallest.
 _ROUNDED, _MOST_UNCERTAIN = 1e-13, 1e10
+# Delays between events at one instant are zero if they are smaller than this fraction of the terms that add up to them.
+_TOGETHER = 1e-6
 # A first, rough integration estimates the magnitude of the variations: its tolerance, and the number of points at which
 # each stretch is evaluated.
 _ROUGH, _POINTS = 1e-5, 5
@@ -74,7 +76,7 @@ class Chain:
         self.slopes = Slopes(run.compiled, run.p, run.u, chosen)
         first = self.passages[0].time
         self._saltation = Saltation(self.slopes, run.hybrid, first, self.stop - first)
-        self._events: dict[int, tuple[Vector, Vector, Vector, Vector]] = {}
+        self._events: dict[int, EventMap] = {}
         self.nx, self.count, self.size = self.slopes.nx, self.slopes.count, self.slopes.size
         self.stiffness, self.native = Stiffness(), run.options.native
         self.requests: list[tuple[Accuracy, list[int], Vector]] = []
@@ -106,8 +108,8 @@ class Chain:
         is_distinct = np.diff(marks, prepend=-np.inf) > _APART * np.abs(marks).max(initial=0.0)
         return np.asarray(marks[is_distinct])
 
-    def event(self, k: int) -> tuple[Vector, Vector, Vector, Vector]:
-        """The maps over passage `k`, see `Saltation`."""
+    def event(self, k: int) -> EventMap:
+        """The map over passage `k`."""
         if k not in self._events:
             self._events[k] = self._saltation(self.passages[k])
         return self._events[k]
@@ -196,14 +198,28 @@ class Chain:
         return np.hstack([x, np.zeros_like(x)])
 
     def _across(self, k: int, x: Vector) -> tuple[Vector, Vector]:
-        """(Variations after event k, those of its instant), from `x` before; shapes (size, 2 * count), (2 * count,)."""
-        by_x, by_p, time_x, time_p = self.event(k)
+        """(Variations after event k, those of its instant), from `x` before; shapes (size, 2 * count), (2 * count,).
+
+        Those of the instant are nan where several events happen then that a parameter moves apart.
+        """
+        by_x, by_p, time_x, time_p, *_ = self.event(k)
         found, times = by_x @ x, time_x @ x
         found[:, : self.count] += by_p
         times[: self.count] += time_p
+        times[: self.count][self._are_moved_apart(k, x[:, : self.count])] = np.nan
         if k == self.terminal:
             found[: self.nx] += np.outer(self._ending_rate(), times)
         return found, times
+
+    def _are_moved_apart(self, k: int, x: Vector) -> Truth:
+        """Whether each parameter moves the events of passage `k` apart, from variations `x` before; shape (count,)."""
+        event = self.event(k)
+        delays = event.apart_x @ x + event.apart_p
+        terms = np.abs(event.apart_x) @ np.abs(x) + np.abs(event.apart_p)
+        found = np.asarray((np.abs(delays) > _TOGETHER * terms).any(axis=0))
+        if found.any() and not event.separable:
+            self._saltation.refuse_apart(self.passages[k], self.compiled.parameters[self.chosen[int(np.argmax(found))]])
+        return found
 
     def _ended(self, x: Vector, times: Sequence[Vector]) -> tuple[Vector, Vector]:
         """(Derivatives of the outputs, their known errors), (ny, count), from variations `x` at the end and of events.
@@ -257,6 +273,7 @@ class Chain:
         found = np.zeros((len(times), len(self.wanted), x.shape[1]))
         for k, passage in enumerate(self.passages):
             by_x, by_p, *_ = self.event(k)
+            self._are_moved_apart(k, x[:, : self.count])  # or refused
             x = by_x @ x
             x[:, : self.count] += by_p
             last = k + 1 == len(self.passages)
@@ -358,7 +375,7 @@ class Chain:
                 return None
         _, wrong = self._ended(x, times)
         rows, total, y_t = self.output()
-        for k, ((on_x, on_p, time_x, time_p), back) in reversed(list(enumerate(path))):
+        for k, ((on_x, on_p, time_x, time_p, *_), back) in reversed(list(enumerate(path))):
             rows, by_p = back(rows)
             total = total + by_p + rows @ on_p
             before = rows @ on_x
@@ -370,7 +387,8 @@ class Chain:
             total = np.vstack([total, time_p])
         total = total + rows @ self.start()
         count = len(self.wanted)
-        return Derivatives(total[:count], total[count:][::-1], wrong)
+        of_times = np.where(np.isnan(times)[:, : self.count], np.nan, total[count:][::-1])
+        return Derivatives(total[:count], of_times, wrong)
 
     def is_no_event(self, k: int) -> bool:
         """Whether passage `k` is not an event of the model, but a located kink or the middle of a burst."""

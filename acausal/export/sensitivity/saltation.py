@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple, NoReturn
 
 import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError
+from acausal.export.sensitivity.meeting import are_equal, composed, groups, in_turn
 from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import impulses
@@ -32,6 +33,23 @@ from acausal.simulate.events.regime import Regime
 _BACK = 1e-6
 
 
+class EventMap(NamedTuple):
+    """The map over one event: derivatives of the carried variables x after it at a fixed time, and of its instant.
+
+    Shapes: `by_x` (size, size), `by_p` (size, count), `time_x` (size,), `time_p` (count,). Of further events at the
+    same instant, `apart_x` and `apart_p` are the derivatives of their delays, shapes (events, size), (events, count);
+    where these are not zero, the map holds if it is `separable`.
+    """
+
+    by_x: Vector
+    by_p: Vector
+    time_x: Vector
+    time_p: Vector
+    apart_x: Vector
+    apart_p: Vector
+    separable: bool
+
+
 class Saltation:
     """The maps over the events of one run, from `start` [s] for `duration` [s]."""
 
@@ -40,11 +58,36 @@ class Saltation:
         self.compiled, self.p, self.u = slopes.compiled, slopes.p, slopes.u
         self.nx, self.count, self.chosen, self.size = slopes.nx, slopes.count, slopes.chosen, slopes.size
 
-    def __call__(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
-        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, where x are the carried variables at a fixed time.
+    def __call__(self, passage: Passage) -> EventMap:
+        """The map over one event, or over several that happen at one instant. Raises ExportError: AC608, AC615."""
+        met = groups(self.hybrid, passage, self._instant)
+        if len(met) < 2:
+            return EventMap(*self._alone(passage), np.zeros((0, self.size)), np.zeros((0, self.count)), True)
+        apart_x, apart_p = (np.array([group.instant[k] - met[0].instant[k] for group in met[1:]]) for k in (0, 1))
+        orders = [in_turn(self.hybrid, passage, order) for order in (met, met[::-1])]
+        if passage.happened.terminated is None and all(orders):
+            there, back = (composed([self._alone(one) for one in order or ()]) for order in orders)
+            if are_equal(there, back):
+                return EventMap(*there, *met[0].instant, apart_x, apart_p, True)
+        return EventMap(*self._alone(passage), apart_x, apart_p, False)
 
-        Shapes (size, size), (size, count), (size,), (count,). Raises ExportError: AC608, AC615.
-        """
+    def refuse_apart(self, passage: Passage, parameter: str) -> NoReturn:
+        """Raise ExportError AC615 for events at one instant that this parameter moves apart."""
+        met = groups(self.hybrid, passage, self._instant)
+        causes = [self.hybrid.guards.causes[group.guards[0][0]] for group in met if group.guards]
+        texts = [*(["a known instant"] if len(causes) < len(met) else []), *(cause.text for cause in causes)]
+        raise ExportError(
+            "AC615",
+            f"sensitivities do not take {self.compiled.name}: at t = {passage.time:.9g} s events meet that {parameter} "
+            "moves apart",
+            where=tuple(cause.where for cause in causes if cause.where is not None),
+            evidence=texts,
+            cause="which of them comes first then depends on the sign of the change, and so does what follows",
+            help="choose values with which they do not meet, or only parameters that move all of these instants alike",
+        )
+
+    def _alone(self, passage: Passage) -> tuple[Vector, Vector, Vector, Vector]:
+        """(dx+/dx-, dx+/dp, dt*/dx-, dt*/dp) of one event, as in `EventMap`."""
         left, right, t = passage.left, passage.happened.moment, passage.time
         time_x, time_p = self._instant(passage)
         f_left, f_right = (

@@ -51,7 +51,7 @@ class Sensitivities:
     event_times
         Instants of the located events [s], shape (events,).
     of_event_times
-        d instant / d parameter, shape (events, parameters).
+        d instant / d parameter, shape (events, parameters); nan where several events meet that it moves apart.
     result
         The run itself.
     times, along
@@ -110,7 +110,8 @@ def sensitivities(
     ExportError
         AC608 if states are reset together with an impulse; AC615 if a relation is only just crossed or missed, if the
         run rests on a kink with two derivatives, begins on a relation with an effect, or has a rate that jumps without
-        an event, and if parameters move an event across the stop time or coinciding time events apart.
+        an event, and if parameters move an event across the stop time, or move events apart that meet at one
+        instant and whose order matters.
     AcausalError
         Errors of the run itself.
     """

@@ -112,6 +112,8 @@ class Iteration:
         self.is_constrained = bool(compiled.solution.structure.invariants)
         self.round = functions_of(compiled).round
         self.shares = functions_of(compiled).shares
+        self.waiting: set[int] = set()
+        """Relations that keep their modes, although they are about to leave their guards: their turn comes later."""
         self._kept: dict[int, tuple[float, int]] = {}
         self._broken: set[int] = set()
         self._noted: set[tuple[str, ...]] = set()
@@ -460,6 +462,8 @@ class Iteration:
         result = np.asarray(
             wrong | leaves & ~is_early & (leaving | (tally.is_timed & free & self.guards.timed[relations]))
         )
+        if self.waiting:
+            result &= ~np.isin(relations, list(self.waiting))
         if is_early.any() and not result.any():
             self._count_kept(t, [moment.regime.active_set.owners[k][0] for k in np.flatnonzero(is_early)])
         return result
