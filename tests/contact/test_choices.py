@@ -164,10 +164,10 @@ def test_holes_run_compiled_and_are_refused_where_equations_must_stay() -> None:
 def test_a_ball_lands_when_an_accuracy_is_asked_for() -> None:
     """It fell through the plates: the bench ran the structure with which runs begin, without contacts.
 
-    Free fall would take it to 0.03 - g t^2 / 2 = 0.006 m; its radius is 0.02 m.
+    Free fall would take it to 0.03 - g t^2 / 2 = 0.0177 m; its radius is 0.02 m.
     """
-    result = acausal.simulate(ThrownBall(n=1, keep=0), stop_time=0.07, accuracy=1e-3)
-    assert result["ball.r_0[2]"].min() > 0.018
+    result = acausal.simulate(ThrownBall(n=1, keep=0), stop_time=0.05, accuracy=1e-2)
+    assert result["ball.r_0[2]"].min() > 0.0185
 
 
 def test_contacts_of_many_pairs_are_made_when_all_are_asked_for() -> None:

@@ -57,16 +57,15 @@ def test_coincident_origins_have_the_depth_of_a_closed_form(a: Shape, b: Shape, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", KINDS)
-@pytest.mark.parametrize("least", [0.02, 0.2])
-def test_random_pairs(first: str, least: float) -> None:
-    """5600 poses of each kind of pair, with proportions of up to 1:50; half of them in places of symmetry.
+def test_random_pairs(first: str) -> None:
+    """A hundred poses of each kind of pair, with proportions of up to 1:50; half of them in places of symmetry.
 
     Making the function of a pair takes as long as its poses. Of 20 000 poses 15 were too deep once.
     """
     rng = np.random.default_rng(KINDS.index(first))
     found = []
     for second in KINDS[KINDS.index(first) :]:
-        a, b = (random_shape(kind, rng, least) for kind in rng.permutation([first, second]).tolist())
+        a, b = (random_shape(kind, rng, 0.02) for kind in rng.permutation([first, second]).tolist())
         for _ in range(100):
             place = str(rng.choice(PLACES))
             pose_b = random_pose(a, b, place, rng)

@@ -43,14 +43,14 @@ def test_clutches_keep_the_angular_momentum(runs: dict[Any, acausal.Result]) -> 
 
 
 @pytest.mark.slow
-def test_a_hundred_clutches_in_a_row_keep_the_angular_momentum() -> None:
+def test_fifty_clutches_in_a_row_keep_the_angular_momentum() -> None:
     """The driving torque alone changes sum(J*w), and each clutch passes on what it can hold at most."""
-    r = acausal.simulate(ClutchChain(n=100), stop_time=1.0)
-    momentum = 0.1 * sum(r[f"inertias[{k}].w"] for k in range(101))
+    r = acausal.simulate(ClutchChain(n=50), stop_time=1.0)
+    momentum = 0.1 * sum(r[f"inertias[{k}].w"] for k in range(51))
     np.testing.assert_allclose(momentum, 5.0 * (1.0 - np.cos(2.0 * np.pi * r.time)) / (2.0 * np.pi), rtol=0, atol=1e-6)
-    assert len(r.events) > 100
-    for k in range(0, 100, 9):
-        assert np.abs(r[f"clutches[{k}].tau"]).max() < (1.0 - k / 100) ** 2 * 1.0 + 1e-6, k
+    assert len(r.events) > 50
+    for k in range(0, 50, 7):
+        assert np.abs(r[f"clutches[{k}].tau"]).max() < (1.0 - k / 50) ** 2 * 1.0 + 1e-6, k
 
 
 @pytest.mark.parametrize("k", [1, 2, 3])

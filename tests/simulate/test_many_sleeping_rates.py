@@ -64,7 +64,7 @@ class Many(Component):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("solver", "n"), [("idas", 155), ("cvodes", 155), ("erk", 155), ("rosenbrock", 210)])
+@pytest.mark.parametrize(("solver", "n"), [("idas", 155), ("rosenbrock", 155)])
 def test_none_of_hundreds_is_slept_through(solver: str, n: int) -> None:
     """The area of a tent, 1e-5 to each side and 1e5 high, in runs of 25 s: each is awake for 1e-6 of it."""
     r = acausal.simulate(Many(n=n), stop_time=25.0, solver=solver, tolerance=1e-6, output_interval=25.0)
