@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import cProfile
+import gc
+import pstats
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +14,26 @@ import numpy as np
 import pytest
 from hypothesis import event, given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, parameter, part, structural, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    External,
+    Real,
+    connect,
+    der,
+    fixed,
+    parameter,
+    part,
+    structural,
+    time,
+    variable,
+    where,
+)
+from acausal.analyse.blocks.elimination import distances
+from acausal.collector import collector_paused
 from acausal.library.electrical import (
     Capacitor,
     Conductor,
@@ -29,6 +50,7 @@ from acausal.models.mass_chain import MassSpringDamperChain
 from acausal.models.pendulum_chain import PendulumChain
 from acausal.models.rc_ladder import RCLadder
 from acausal.simulate.equations.problem import Problem
+from tests.lower.mechanisms import Balls, Tree
 
 LARGE = 300
 """Sections from which a ladder is lowered by patterns."""
@@ -216,3 +238,181 @@ def test_random_circuits(plan: Plan, zeros: set[int]) -> None:
             return
         event("compared")
         compare(compiled, p, points=1)
+
+
+def _cubic() -> Any:
+    u = ca.SX.sym("u")
+    return ca.Function("cubic", [u], [u**3], {"never_inline": True})
+
+
+CUBIC = External("cubic", _cubic, inputs=((),), outputs=((),))
+
+
+class Decay(Component):
+    x: Real = variable()
+    k: Real = parameter(default=1.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.k * CUBIC(self.x) + 0 * (self.x * 1.5 + self.k) * self.x
+
+
+class Row(Component):
+    parts: list[Decay] = part()
+
+    def build(self) -> None:
+        self.parts = [Decay(x=fixed(1.0), k=0.5 + 0.01 * k) for k in range(260)]
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_each_follows_its_own_closed_form(solver: str) -> None:
+    """x' = -k x**3 from 1: x = (1 + 2 k t)**(-1/2)."""
+    result = acausal.simulate(Row(), stop_time=1.0, solver=solver, tolerance=1e-8, native=False)
+    found = [result.final(f"parts[{k}].x") for k in range(260)]
+    assert found == pytest.approx(1.0 / np.sqrt(1.0 + 2.0 * (0.5 + 0.01 * np.arange(260))), abs=1e-6)
+
+
+def calls(n: int) -> int:
+    gc.collect()  # what tests before have left would be finalized in between, by calls that count
+    profile = cProfile.Profile()
+    profile.enable()
+    acausal.compile(RCLadder(n=n), cache=False)
+    profile.disable()
+    return int(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+def test_calls_grow_with_the_model() -> None:
+    """Twice as many sections more, of ten equations each, take twice as many calls more, to the power of 1.05."""
+    calls(180)  # what is made and imported once
+    # above a hundred equal parts, where patterns begin, and 500 equations to match, where SciPy does
+    few, some, many = (calls(n) for n in (180, 300, 540))
+    assert (many - some) / (some - few) < 2.0**1.05
+    assert (many - some) / 240 < 3700  # 3520 when this was written, 3970 before
+
+
+@pytest.fixture
+def frozen_again() -> Iterator[None]:
+    """Freeze again what `conftest.py` has frozen; otherwise every later collection of a session would traverse it."""
+    yield
+    gc.freeze()
+
+
+@pytest.mark.usefixtures("frozen_again")
+def test_what_was_made_is_old() -> None:
+    """A hundred thousand lists made in a pause are in the oldest generation behind it, without a collection."""
+    gc.unfreeze()  # nothing made is old where a user has frozen, as conftest.py has
+    runs = sum(s["collections"] for s in gc.get_stats())
+    with collector_paused():
+        with collector_paused():
+            made = [[k] for k in range(200_000)]
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_count()[0] < len(made) / 2
+    old = {id(x) for x in gc.get_objects(generation=2)}
+    assert all(id(x) in old for x in made[::1000])
+    assert sum(s["collections"] for s in gc.get_stats()) <= runs + 3  # the walk for this assertion itself may be one
+
+
+@pytest.mark.usefixtures("frozen_again")
+def test_pause_leaves_what_the_user_froze() -> None:
+    """`gc.freeze` is the user's: nothing is thawed."""
+    gc.freeze()
+    try:
+        frozen = gc.get_freeze_count()
+        with collector_paused():
+            made = [[k] for k in range(200_000)]
+        assert gc.get_freeze_count() >= frozen - 1000
+        assert made
+    finally:
+        gc.unfreeze()
+
+
+Vector = NDArray[np.float64]
+
+
+def operations(compiled: Any) -> int:
+    """Operations of the right-hand side with parameters as numbers."""
+    t, x = ca.SX.sym("t"), ca.SX.sym("x", len(compiled.states))
+    ode, _ = compiled.rhs(t, x, [], [], compiled.parameter_values, [])
+    return int(ca.Function("f", [t, x], [ode]).n_instructions())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "model",
+    [
+        PendulumChain,
+        pytest.param(lambda n: Tree(n=n, arms=1), marks=pytest.mark.slow),
+        pytest.param(lambda n: Tree(n=n), marks=pytest.mark.slow),
+    ],
+    ids=["chain", "one arm", "arms"],
+)
+def test_operations_per_body_do_not_grow(model: Any) -> None:
+    """The articulated-body algorithm costs the same for every body (Featherstone 2008, table 10.1).
+
+    What is next to the ground costs less, so that the share of each still grows a little: from 16 bodies to 48, where a
+    mass matrix solved densely would cost nine times as much per body, and Markowitz's order twice as much.
+    """
+    few, many = (acausal.compile(model(n=n), cache=False) for n in (16, 48))
+    assert few.algebraic == many.algebraic == ()
+    assert operations(many) / 48 < 1.3 * operations(few) / 16
+
+
+def rates(compiled: Any, x: Vector) -> Vector:
+    """Rates of the states; algebraic variables, which are linear here, by one dense Newton step."""
+    nz = len(compiled.algebraic)
+    z = ca.SX.sym("z", nz)
+    p = compiled.parameter_values
+    rhs = ca.Function("f", [z], list(compiled.rhs(0.0, x, z, [], p, [])))
+    if nz:
+        jacobian = ca.Function("J", [z], [ca.jacobian(compiled.rhs(0.0, x, z, [], p, [])[1], z)])
+        solved = np.zeros(nz)
+        for _ in range(2):  # once more, against rounding
+            solved = solved - np.linalg.solve(np.array(jacobian(solved)), np.array(rhs(solved)[1]).ravel())
+        return np.array(rhs(solved)[0]).ravel()
+    return np.array(rhs(np.zeros(0))[0]).ravel()
+
+
+@pytest.mark.parametrize(
+    "model",
+    [Tree(n=9, springs=2), Tree(n=9, arms=1), Tree(n=12, arms=3), Balls(n=3)],
+    ids=["tree with springs", "chain", "three arms", "ball joints"],
+)
+def test_accelerations_are_those_of_the_whole_system(model: Component) -> None:
+    """Against the same equations with no block solved, as one dense linear system."""
+    solved = acausal.compile(model, cache=False)
+    whole = acausal.compile(model, formulation="dae", cache=False)
+    assert solved.algebraic == ()
+    assert solved.states == whole.states
+    assert len(whole.algebraic) > 20
+    random = np.random.default_rng(4)
+    for _ in range(3):
+        x = random.standard_normal(len(solved.states))
+        expected = rates(whole, x)
+        np.testing.assert_allclose(rates(solved, x), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
+def test_links_on_ball_joints_keep_their_energy() -> None:
+    """Released at rest from the horizontal: as much kinetic energy as height lost, by links of 1 kg and 0.5 m."""
+    n = 3
+    run = acausal.simulate(Balls(n=n), stop_time=1.0, tolerance=1e-9)
+    energy = 0.0
+    for k in range(n):
+        v = np.array([run[f"links[{k}].v_0[{i}]"] for i in range(3)])
+        w = np.array([run[f"links[{k}].w_a[{i}]"] for i in range(3)])
+        R = np.array([[run[f"links[{k}].frame_a.R[{i},{j}]"] for j in range(3)] for i in range(3)])
+        arm = 0.25 * R[:, 0]
+        v = v + np.einsum("ij...,j...->i...", R, 0.25 * np.array([0.0 * w[0], w[2], -w[1]]))
+        height = run[f"links[{k}].r_0[1]"] + arm[1]
+        spin = 0.01 * w[0] ** 2 + 0.02 * w[1] ** 2 + 0.02 * w[2] ** 2
+        energy = energy + 0.5 * (v**2).sum(axis=0) + 0.5 * spin + 9.80665 * height
+    assert np.abs(energy).max() < 1e-5
+
+
+def test_distances_are_those_of_the_graph() -> None:
+    """Rows 0-1-2 in a line by variables 5 and 6, and row 3 apart."""
+    found = distances([{5}, {5, 6}, {6, 7}, {8}], 0)
+    assert found.rows == (0, 2, 4, 0)
+    assert found.variables == {5: 1, 6: 3, 7: 5, 8: 0}
+    assert found.furthest == 2
+    assert found.out(1, 6) == 2

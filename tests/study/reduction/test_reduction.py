@@ -23,7 +23,7 @@ from acausal import (
     where,
 )
 from acausal.models.drilling_dynamic import ThickBlock
-from tests.lower.test_quasi_static import Stack
+from tests.lower.test_monotone import Stack
 from tests.lower.test_select import Arm, TwoIslands
 
 
