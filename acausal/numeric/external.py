@@ -17,6 +17,9 @@ from acausal.language.expressions.lookup import Lookup
 
 _FUNCTIONS: WeakKeyDictionary[External, Any] = WeakKeyDictionary()
 
+# Classes of CasADi functions that are expressions and numbers.
+_SELF_CONTAINED = frozenset(("SXFunction", "MXFunction", "Map", "Switch", "LinearInterpolant", "BSplineInterpolant"))
+
 
 def function(external: External) -> Any:
     """The CasADi Function of an external function, or of its partial derivatives.
@@ -34,6 +37,14 @@ def function(external: External) -> Any:
                 _make_jacobian(external.primal) if external.primal is not None else _make_declared(external)
             )
     return _FUNCTIONS[external]
+
+
+def is_self_contained(function: Any) -> bool:
+    """Whether a CasADi function contains all that it computes: it calls neither Python nor a library.
+
+    Then its serialisation determines its values, and C can be generated that needs nothing else.
+    """
+    return {f.class_name() for f in (function, *function.find_functions())} <= _SELF_CONTAINED
 
 
 def call(external: External, operands: Sequence[Any]) -> list[Any]:

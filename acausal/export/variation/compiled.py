@@ -16,6 +16,7 @@ from acausal.export.variation.element import LEAST, Back, Interval, Stiffness
 from acausal.export.variation.radau import step_too_small, tolerance_of
 from acausal.export.variation.slopes import Slopes
 from acausal.export.variation.tables import STAGES, in_c
+from acausal.numeric.external import is_self_contained
 from acausal.simulate.native import cache as libraries
 from acausal.simulate.native import source
 from acausal.simulate.native.cache import made
@@ -166,6 +167,8 @@ def program(slopes: Slopes, allowed: bool) -> Program | None:
     if not allowed and libraries.is_empty():
         return None
     functions: tuple[Any, Any] = slopes.value, slopes.slopes
+    if not is_self_contained(slopes.value):
+        return None
     key = libraries.key("variation", _steps(), *(f.serialize() for f in functions))
 
     def text() -> str:

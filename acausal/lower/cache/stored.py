@@ -41,7 +41,7 @@ from acausal.language.events import Assertion
 from acausal.language.expressions.expression import Equation
 from acausal.language.expressions.external import Call, External
 from acausal.lower.compiled import CompiledModel
-from acausal.numeric.external import function
+from acausal.numeric.external import function, is_self_contained
 from acausal.private import discard, folder, home, place
 from acausal.private import find as file_of
 
@@ -70,9 +70,6 @@ _ALLOWED = {
     ("numpy.random.bit_generator", "__pyx_unpickle_SeedSequence"),
     ("builtins", "str"),
 }
-
-# Classes of CasADi functions whose serialisation determines completely what they compute.
-_KNOWN_FUNCTIONS = frozenset(("SXFunction", "MXFunction", "Map", "Switch", "LinearInterpolant", "BSplineInterpolant"))
 
 
 class _NoStableContent(Exception):
@@ -279,10 +276,9 @@ def _operations(external: External) -> Any:
     """The serialised CasADi function of an external function."""
     try:
         built = function(external)
-        parts = {f.class_name() for f in (built, *built.find_functions())}
     except AcausalError as error:
         raise _NoStableContent(external) from error
-    if not parts <= _KNOWN_FUNCTIONS:  # Python functions are serialised without their code, libraries as a path
+    if not is_self_contained(built):  # Python functions are serialised without their code, libraries as a path
         raise _NoStableContent(external)
     return built.serialize()
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.external import is_self_contained
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.scaled import UNIT, in_units
 from acausal.simulate.native import cache, source
@@ -233,6 +234,8 @@ class Native:
             return ()
         if cache.compiler() is None:
             why = "no C compiler was found ($CC, cc, gcc, clang)"
+        elif not is_self_contained(self.compiled.rhs):
+            why = "an external function calls Python or a library, for which there is no C"
         elif self.memory.failed:
             why = f"{cache.compiler()} failed, its message is in the log"
         else:
@@ -305,8 +308,11 @@ class Native:
         if text is None and cache.is_empty():
             return None
         compiled = self.compiled
+        given = compiled.rhs, *made_from()
+        if not all(map(is_self_contained, given)):
+            return None
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # The key is made of the functions from which the equations follow, so that a hit needs no symbolic work.
-        functions = (f.serialize() for f in (compiled.rhs, *made_from()))
+        functions = (f.serialize() for f in given)
         key = cache.key(kind, details, event_loop_source(), source.rows("rosenbrock"), *functions, repr(scales))
         return made(key, text, lambda path: Library(load(path), BufferedFunction(ca.external(CONSTANTS, str(path)))))
