@@ -167,6 +167,8 @@ _METHODS = {
     "sweep_dataset": "acausal.study.sweep.tables",
     "sweep_frame": "acausal.study.sweep.tables",
     "write_sweep": "acausal.study.sweep.tables",
+    "elsewhere": "acausal.cli.arguments.catalogue",
+    "missing_library": "acausal.cli.arguments.catalogue",
 }
 provide({**_LAZY, **_METHODS})
 

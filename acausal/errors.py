@@ -3,6 +3,7 @@
     AcausalError
     |-- UsageError            AC0xx  unknown model, unknown parameter, bad option, unwritable file
     |-- DeclarationError      AC1xx  a class or an instance is declared wrongly
+    |   |-- ModelCodeError    AC002  Python raised an exception in the code of a model
     |   |-- UnknownFieldError AC127  no such field; an AttributeError too
     |   `-- UnitError         AC15x  dimensions do not agree
     |-- StructureError        AC2xx  balance and structure of the equations
@@ -75,6 +76,23 @@ def _is_caller_only(file: str) -> bool:
     """Whether a file belongs to Python's library or to numpy, which only call code of others."""
     is_of_python = file.startswith(_PYTHON) and "site-packages" not in file and "dist-packages" not in file
     return is_of_python or f"{os.sep}numpy{os.sep}" in file
+
+
+def is_model_code(file: str) -> bool | None:
+    """True for a file of a model, or of the libraries and models shipped; False for the compiler; None for others.
+
+    Others are files of Python and of installed packages, which only call or are called by a model.
+    """
+    import sysconfig
+
+    path = os.path.abspath(file)  # not the resolved path: acausal/library is a link to a folder beside the package
+    if path.startswith(_PACKAGE):
+        return path.startswith(_MODEL_FOLDERS)
+    path = os.path.realpath(path)
+    if any(path.startswith(os.path.realpath(folder)) for folder in _MODEL_FOLDERS):
+        return True
+    foreign = (os.path.realpath(sysconfig.get_path(n)) for n in ("stdlib", "platstdlib", "purelib", "platlib"))
+    return None if any(path.startswith(folder + os.sep) for folder in foreign) else True
 
 
 def calling_span() -> tuple[Span, ...]:
@@ -181,6 +199,10 @@ class DeclarationError(AcausalError):
         if lacked_owner and owner not in self.fact:
             self.fact = f"{owner}: {self.fact}"
         return lacked_owner
+
+
+class ModelCodeError(DeclarationError):
+    """Python raised an exception in the code of a model: NameError, TypeError, ImportError ..."""
 
 
 class UnknownFieldError(DeclarationError, AttributeError):

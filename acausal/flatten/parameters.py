@@ -262,6 +262,10 @@ def given_values(parameters: Mapping[str, object] | None) -> dict[str, object]:
     if not isinstance(parameters, Mapping):
         fact = f"parameters is a {type(parameters).__name__}"
         raise UsageError("AC023", fact, help="a dictionary: parameters={'mass.m': 2.0}")
+    nameless = next((key for key in parameters if not isinstance(key, str)), None)
+    if nameless is not None:
+        fact = f"parameters has {nameless!r} in place of a name"
+        raise UsageError("AC023", fact, help="give paths as texts: parameters={'mass.m': 2.0}")
     return dict(parameters)
 
 

@@ -30,6 +30,7 @@ from acausal.language.declarations.misuse import (
     not_made_yet,
     own_constructor,
     own_copy,
+    refuse_annotation,
     refuse_hiding,
     refuse_overruled,
     refuse_undeclared,
@@ -97,6 +98,7 @@ class Component(Owner):
                         where=field_span(cls, name),
                         help=f"{name}: {_annotation_for(value)} = ...",
                     )
+                refuse_annotation(cls, name, annotated[name], value)
                 _check_name(cls, name, value)
             else:
                 refuse_undeclared(cls, name, annotated.get(name), value)

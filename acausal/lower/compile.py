@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -158,7 +158,11 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
 def _names(option: str, names: Sequence[str]) -> Sequence[str]:
     if isinstance(names, str):
         raise UsageError("AC018", f"{option}={names!r} is one string", help=f"give a list: {option}=[{names!r}]")
-    return names
+    listed = list(names) if isinstance(names, Iterable) else [names]
+    if not all(isinstance(name, str) for name in listed):
+        fact = f"{option}={listed if isinstance(names, Iterable) else names!r} is no list of names"
+        raise UsageError("AC018", fact, help=f"give names as texts: {option}=['mass.s']")
+    return listed
 
 
 def refined(compiled: CompiledModel, visited: Visited) -> CompiledModel:

@@ -136,7 +136,7 @@ def test_no_fixed_step_ends_on_another_branch(solver: str, steps: int, rows: int
 class Ending(Component):
     """x = (1 - 3 t / 2)^(2/3) for b = 1/2, in general (1 - (b + 1) t)^(1 / (b + 1)), ends at t = 1 / (b + 1)."""
 
-    b: float = parameter(default=0.5)
+    b: Real = parameter(default=0.5)
     x: Real = variable(default=fixed(1.0))
 
     def equations(self) -> Equations:

@@ -184,3 +184,21 @@ def near_parts(reference: str) -> list[str]:
         of_name.setdefault(part.name.lower(), []).append(part)
     close = [p for n in nearest(name.lower(), list(of_name), 4) for p in of_name[n]]
     return [p.reference for p in sorted(close, key=lambda p: bool(wanted) and p.family != wanted)][:4]
+
+
+def elsewhere(name: str) -> str | None:
+    """Help for an unknown name: the libraries that have a component of this or a similar name."""
+    exact = [f"from acausal.library.{p.family} import {name}" for p in library_parts() if p.name == name]
+    if exact:
+        return ", or ".join(exact)
+    # names of components start with a capital letter
+    close = near_parts(name) if name[:1].isupper() else []
+    return f"did you mean {', '.join(close)} of acausal.library?" if close else None
+
+
+def missing_library(module: str) -> str | None:
+    """Help for a library that does not exist; None for any other module."""
+    if not module.startswith("acausal.library."):
+        return None
+    close = nearest(module.split(".")[2], list(families()))
+    return f"did you mean {', '.join(close)}?" if close else f"there are {', '.join(families())}"

@@ -22,6 +22,7 @@ from acausal.language.events import Assertion, When
 from acausal.language.expressions.conditions import is_discrete
 from acausal.language.expressions.dimensions import check_dimensions
 from acausal.language.expressions.expression import Equation, Expr, Symbol, assigned, is_condition, nodes
+from acausal.language.model_code import OF_PYTHON, in_model_code
 from acausal.language.statement import RECORDING, Ledger, Origin, refuse_discarded_generators, refuse_lost
 
 Statement = tuple[Any, Origin]
@@ -113,6 +114,8 @@ def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: 
                 callers = tuple(s for s in calls if not s.of_library)[-1:]
                 error.where = callers or (component.__dict__["_origin"].span(),)
             raise
+        except OF_PYTHON as error:
+            raise in_model_code(error)  # noqa: B904 (it sets the cause)
         finally:
             RECORDING.reset(token)
         ledger.pop(id(item), None)

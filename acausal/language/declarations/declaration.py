@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
+
+from acausal.errors import DeclarationError
 
 
 class Kind(Enum):
@@ -85,6 +87,18 @@ class Declaration:
     def __reduce__(self) -> Any:
         home = self.__dict__.get("_home")
         return super().__reduce_ex__(2) if home is None else (_declaration_of, home)
+
+
+def _no_operand(declaration: Declaration, *_: object) -> NoReturn:
+    raise DeclarationError(
+        "AC110",
+        f"a {declaration.kind.value} has no value in the class body",
+        help="a default is computed from other fields by a function: default=lambda self: 2 * self.x",
+    )
+
+
+for _name in ("neg", "abs", *(side + name for name in ("add", "sub", "mul", "truediv", "pow") for side in ("", "r"))):
+    setattr(Declaration, f"__{_name}__", _no_operand)
 
 
 def _declaration_of(cls: type[Owner], name: str, shape: tuple[int, ...] | None = None) -> Declaration:

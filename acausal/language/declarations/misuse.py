@@ -13,9 +13,10 @@ from types import FrameType
 from typing import Any
 
 from acausal.errors import DeclarationError, Span, UnknownFieldError, calling_span, nearest
-from acausal.language.declarations.declaration import Declaration, Owner
+from acausal.language.declarations.declaration import Declaration, Kind, Owner, Start
 from acausal.language.declarations.experiment import Experiment
 from acausal.language.declarations.parts import Outer
+from acausal.language.model_code import OF_PYTHON, in_model_code
 from acausal.language.statement import Origin
 
 
@@ -66,17 +67,58 @@ def refuse_undeclared(cls: type[Owner], name: str, annotation: object, value: ob
         )
     if annotation is None or "ClassVar" in str(annotation):
         return
+    is_list = isinstance(value, list | tuple) and any(isinstance(member, Owner) for member in value)
     if isinstance(value, type) and issubclass(value, Owner):
         fact, help = (
             f"is the class {value.__name__}, not a component",
             f"{name}: {value.__name__} = {value.__name__}(...)",
         )
-    elif getattr(annotation, "__name__", annotation) in ("Real", "acausal.Real") and isinstance(value, int | float):
+    elif is_list:
+        fact = "is a list of components, which all components of the class would share"
+        help = f"{name}: list[...] = part(), and in `build`: self.{name} = [...]"
+    elif _is_real(annotation) and isinstance(value, int | float):
         fact = f"is the plain number {value}, which cannot be set and has no unit"
         help = f"{name}: Real = parameter(default={value}), or {name}: ClassVar[float] = {value}"
+    elif _is_real(annotation):
+        start = type(value).__name__.lower()
+        fact = f"is {value!r}, which declares no quantity"
+        help = (
+            f"{name}: Real = variable(default={start}(...))"
+            if isinstance(value, Start)
+            else f"{name}: Real = variable(...), parameter(...) or another declaration"
+        )
     else:
         return
     raise DeclarationError("AC112", f"{cls.__name__}.{name} {fact}", where=field_span(cls, name), help=help)
+
+
+def refuse_annotation(cls: type[Owner], name: str, annotation: object, value: object) -> None:
+    """Refuse `Real` for anything but a quantity, and a quantity that is not `Real` (AC112)."""
+    kind = value.kind if isinstance(value, Declaration) else Kind.PART
+    is_quantity = kind not in (Kind.STRUCTURAL, Kind.PART)
+    declared = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+    if is_quantity is not _is_real(annotation) and declared != "Any":
+        own = "part" if kind is Kind.PART else kind.value
+        raise DeclarationError(
+            "AC112",
+            f"{cls.__name__}.{name} is annotated {declared}, but {_article(own)} is declared",
+            where=field_span(cls, name),
+            cause=f"type checkers would take self.{name} for {_article(declared)}",
+            help=f"{name}: Real = {own}(...)"
+            if is_quantity
+            else f"{name}: {'int' if kind is Kind.STRUCTURAL else 'Component'} = ..., "
+            "the type of its value; a quantity is variable(...) or parameter(...)",
+        )
+    if isinstance(value, Declaration) and kind is Kind.STRUCTURAL and value.default is not None:
+        checked_structural(cls, name, value.default)
+
+
+def _article(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
+def _is_real(annotation: object) -> bool:
+    return getattr(annotation, "__name__", annotation) in ("Real", "acausal.Real")
 
 
 def assignment(component: Owner, name: str, stating: tuple[str, ...]) -> DeclarationError:
@@ -154,13 +196,16 @@ def refuse_misnamed(cls: type[Owner], stating: tuple[str, ...]) -> None:
 
 
 def called(what: str, form: str, function: Callable[..., Any], *args: Any) -> Any:
-    """Call a function of the model; raises DeclarationError AC109 if it does not accept `args`."""
+    """Call a function of the model; raises DeclarationError AC109 if it does not accept `args`.
+
+    Other errors of Python in it become ModelCodeError AC002.
+    """
     try:
         return function(*args)
-    except TypeError as error:
+    except OF_PYTHON as error:
         in_function = error.__traceback__.tb_next if error.__traceback__ is not None else None
-        if in_function is not None:
-            raise
+        if in_function is not None or not isinstance(error, TypeError):
+            raise in_model_code(error)  # noqa: B904 (it sets the cause)
         code = getattr(function, "__code__", None)
         raise DeclarationError(
             "AC109",

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Literal, SupportsIndex, TypeVar
 
 from acausal.errors import DeclarationError, UnknownFieldError
-from acausal.language.declarations.declaration import Owner
+from acausal.language.declarations.declaration import Kind, Owner
 
 
 class Parts(list[Any]):
@@ -43,8 +43,18 @@ class Parts(list[Any]):
             raise DeclarationError(
                 "AC103",
                 f"{self._description()}; it has no element [{shown}]",
-                help="make its parts in `build`" if last < 0 else f"indices count from 0: [0 to {last}]",
+                evidence=[] if last >= 0 else self._counts(),
+                help=f"indices count from 0: [0 to {last}]"
+                if last >= 0
+                else "give a value with which `build` makes at least one part, or state the equations without them",
             ) from None
+
+    def _counts(self) -> list[str]:
+        """A line with the whole numbers of the owner, on which the number of parts depends."""
+        declared = self._owner._declarations.items()
+        numbers = {n: self._owner.__dict__.get(n) for n, d in declared if d.kind is Kind.STRUCTURAL}
+        shown = ", ".join(f"{n}={value}" for n, value in numbers.items() if isinstance(value, int))
+        return [f"{type(self._owner).__name__} has {shown}"] if shown else []
 
     def __setitem__(self, index: SupportsIndex | slice, value: Any) -> None:
         if not self._owner.__dict__["_building"]:
@@ -93,5 +103,10 @@ def outer(cls: type[Around], *, default: Around | None = None, doc: str = "", in
     DeclarationError
         When the model is flattened: AC188 when there is none, AC189 when several match.
     """
+    if not (isinstance(cls, type) and issubclass(cls, Owner)):
+        shown = type(cls).__name__
+        raise DeclarationError(
+            "AC112", f"outer takes a class of components, not {cls!r} ({shown})", help="world: World = outer(World)"
+        )
     declaration: Any = Outer(cls, default, doc)
     return declaration  # type: ignore[no-any-return]

@@ -12,12 +12,18 @@ only a literal number adapts, because adding a scalar to a vector in space is a 
 from __future__ import annotations
 
 import operator
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acausal.errors import DeclarationError
 from acausal.language.declarations.declaration import Declaration
-from acausal.language.expressions.foreign import WithoutForeignOperators, refuse_numpy
+from acausal.language.expressions.foreign import (
+    WithoutForeignOperators,
+    number_advice,
+    refuse_numpy,
+    truth_advice,
+)
 from acausal.language.statement import Statement, made
 
 Shape = tuple[int, ...]
@@ -194,17 +200,18 @@ class Expr(WithoutForeignOperators):
             )
 
     def __iter__(self) -> Iterator[Expr]:
+        return (self[i] for i in range(self._size("can be iterated")))
+
+    def __len__(self) -> int:
+        return self._size("have a length")
+
+    def _size(self, what: str) -> int:
         if len(self.shape) != 1:
             raise DeclarationError(
                 "AC103",
-                f"`{self}` is a {shape_text(self.shape)}; only vectors can be iterated",
+                f"`{self}` is a {shape_text(self.shape)}; only vectors {what}",
                 help="index a matrix by row and column: R[0, 1]" if self.shape else "it has one value only",
             )
-        return (self[i] for i in range(self.shape[0]))
-
-    def __len__(self) -> int:
-        if len(self.shape) != 1:
-            raise TypeError(f"`{self}` has shape {self.shape}; only vectors have a length")
         return self.shape[0]
 
     @property
@@ -215,12 +222,10 @@ class Expr(WithoutForeignOperators):
         return Operation("transpose", (self,), (self.shape[1], self.shape[0]))
 
     def __bool__(self) -> NoReturn:
-        advice = "write where(condition, a, b) for a value, and & | ~ between conditions"
         symbols = symbols_in(self)
-        if symbols and all(s.declaration.kind.value == "parameter" for s in symbols):
-            names = ", ".join(dict.fromkeys(s.name for s in symbols))
-            advice = f"declare {names} with structural(...) if equations depend on it; for a value write where(...)"
-        raise _no_truth(str(self), "symbolic", advice)
+        is_constant = all(s.declaration.kind.value == "parameter" for s in symbols)
+        parameters = dict.fromkeys(s.name for s in symbols if is_constant)
+        raise _no_truth(str(self), "symbolic", truth_advice(sys._getframe(1), parameters))
 
     def _no_number(self, what: str) -> NoReturn:
         raise DeclarationError(
@@ -228,7 +233,7 @@ class Expr(WithoutForeignOperators):
             f"`{self}` is symbolic and has no {what}",
             help="declare counts, indices and sizes with structural(...)"
             if what == "int value"
-            else "use acausal.sin, acausal.sqrt, acausal.fabs ... instead of the math and numpy functions",
+            else number_advice(sys._getframe(2)),
         )
 
     def __float__(self) -> float:
