@@ -129,10 +129,14 @@ def _run(
             return getattr(error, "result", None), error
 
 
-def _stretches(result: Result) -> tuple[Vector, Vector]:
-    """(Starts, ends) of the stretches between events, shape (k,), without those as short as rounding errors of time."""
+def _stretches(compiled: CompiledModel, result: Result, p: Vector) -> tuple[Vector, Vector]:
+    """(Starts, ends) of the stretches between events, shape (k,), without those as short as rounding errors of time.
+
+    Instants at which sources switch end a stretch, too, although a result does not list them as events.
+    """
     times = result.time
-    edges = np.unique([times[0], times[-1], *(e.time for e in result.events if times[0] < e.time < times[-1])])
+    instants = [*(e.time for e in result.events), *np.array(compiled.instants(p)).ravel().tolist()]
+    edges = np.unique([times[0], times[-1], *(t for t in instants if times[0] < t < times[-1])])
     wide = np.diff(edges) > 1e-9 * (times[-1] - times[0])
     return edges[:-1][wide], edges[1:][wide]
 
@@ -141,7 +145,8 @@ def _closer(
     compiled: CompiledModel, result: Result, parameters: Mapping[str, float] | None, options: dict[str, Any]
 ) -> Result:
     """The run, repeated with a row inside every stretch between events if one has none."""
-    starts, ends = _stretches(result)
+    p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, options.get("inputs") or {})
+    starts, ends = _stretches(compiled, result, p)
     inside = np.searchsorted(result.time, ends, "left") > np.searchsorted(result.time, starts, "right")
     empty = np.flatnonzero(~inside)[:_MOST_STRETCHES]
     if not len(empty):
@@ -150,7 +155,6 @@ def _closer(
     repeated = {key: value for key, value in options.items() if key != "inputs"}
     repeated |= {"solver": str(result.stats["solver"]), "stop_time": float(result.time[-1])}
     opts = run_options(compiled.flat.experiment, **repeated)
-    p, u = parameter_vector(compiled, parameters or {}), input_vector(compiled, options.get("inputs") or {})
     try:
         return Run(compiled, opts, p, Inputs(u), None, outputs=grid).result()
     except AcausalError:
@@ -193,10 +197,10 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
 
     found = [point(int(row), float(span)) for row, span in zip(chosen, reach, strict=True)]
     visited = {at.m.tobytes() for at in found}
-    if not compiled.state_events.relations:
+    if not compiled.n_modes:
         return tuple(found)
     missed: dict[bytes, list[Point]] = {}
-    for a, b in zip(*_stretches(result), strict=True):
+    for a, b in zip(*_stretches(compiled, result, p), strict=True):
         row = (np.searchsorted(result.time, a, "right") + np.searchsorted(result.time, b, "left")) // 2
         if len(missed) < _MOST_MODES and a < result.time[row] < b:
             at = point(int(row), float(b - a))

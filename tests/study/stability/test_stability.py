@@ -278,3 +278,20 @@ def test_a_refused_step_and_the_study_name_one_limit() -> None:
         with pytest.raises(IntegrationError, match="AC405") as refused:
             acausal.simulate(model, solver="rk2", step=5e-3)
         assert f"is {limit.largest_step or limit.usable_step:.4g} s" in str(refused.value)
+
+
+class Burst(Component):
+    """y follows x, within 1 s and, for 5 ms at known times, within 10 us."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -self.x
+        yield der(self.y) == -where((time > 0.9) & (time < 0.905), 1e5, 1.0) * (self.y - self.x)
+
+
+def test_a_mode_that_is_fast_between_two_known_times_limits_the_steps() -> None:
+    """An explicit Euler step of a mode -1e5 1/s is stable up to 2e-5 s."""
+    study = acausal.stability(Burst(), stop_time=2.0)
+    assert "2e-05 s explicit Euler" in str(study)
