@@ -23,7 +23,7 @@ from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
-from acausal.simulate.events.location.phases import must_be_searched
+from acausal.simulate.events.location.phases import may_pulse, must_be_searched
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library
@@ -198,15 +198,17 @@ class EventLoop:
         """The number of events before the first stretch that may have missed something; None if there is none."""
         if self.clears is None:
             return None
-        first = 0
-        for k, last in enumerate(self.memory.trail_end[: loop.stretches].tolist()):
+        ends = [0, *self.memory.trail_end[: loop.stretches].tolist()]
+        # compiled code has cleared the others by itself; there are several for each of hundreds of systems
+        in_doubt = np.flatnonzero(self.memory.stretch_doubts[: loop.stretches]).tolist()
+        for k in range(loop.stretches) if may_pulse(self.problem.compiled) else in_doubt:
+            first, last = ends[k : k + 2]
             events = int(self.memory.stretch_events[k])
             t, x, m = start.position.here, start.x, start.m
             if events:
                 row = int(self.memory.event_row[events - 1])
                 t, x, m = float(self.memory.row_time[row]), self.memory.row_x[row], self.memory.row_m[row]
             times, x_rows = self.memory.trail_time[first:last], self.memory.trail_x[first:last].T
-            first = last
             segment = replace(self.template, start=t, times=times, x=x, p=m)
             piece = Piece(x_rows, np.zeros((0, len(times))), {"steps": float(self.memory.stretch_steps[k])})
             if len(times) and not self.clears(segment, piece, bool(self.memory.stretch_doubts[k])):
@@ -314,9 +316,9 @@ class EventLoop:
     ) -> None:
         """Write the quadratures, which are integrated separately, into the rows and the state that was reached."""
         compiled = self.problem.compiled
-        columns = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
         if not compiled.quadratures:
             return
+        columns = slice(compiled.n_dynamic, compiled.n_dynamic + compiled.quadratures)
         # the stretch of each row, between two events, and rows after the first instant of their stretch
         stretch_of = np.searchsorted(starts, np.arange(len(times)), side="right")
         begins = np.append(start, times[starts])
