@@ -130,12 +130,14 @@ class _Point:
         active = self.moment.regime.active_set
         if not active.owners:
             return np.zeros(0)
+        g, rate, noise = self.chain.hybrid.guards.state(self.t, self.moment)
+        is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in active.owners])
+        if not is_resting.any():
+            return np.zeros(len(g))
         by_x, by_p, _ = self.chain.slopes.total(
             self.moment.regime, ("guards",), lambda *a: active.watch(*a), self.t, self.moment
         )
         changes = by_x[:, : self.chain.nx] @ dx + by_p @ dp
-        g, rate, noise = self.chain.hybrid.guards.state(self.t, self.moment)
-        is_resting = (np.abs(g) <= noise) & (np.abs(rate) <= noise) & np.array([side < 0 for _, side in active.owners])
         return np.where(is_resting & (np.abs(changes) > _STILL * noise), changes, 0.0)
 
 
