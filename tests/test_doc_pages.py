@@ -196,7 +196,7 @@ def test_least_effort_of_the_page(
     assert "dae:(x[2],z[0],u,p[2])->(ode[2],alg[0],y)" in printed
     assert "[[0. 3.]] [[2.]]" in printed
     solution, opti = names["solution"], names["opti"]
-    # Least effort from rest to rest: the closed form of tests/export/test_optimal_control.py.
+    # Least effort from rest to rest: the closed form of tests/export/test_casadi_file.py.
     assert solution.value(opti.f) == pytest.approx(12.0, rel=1e-8)
 
 

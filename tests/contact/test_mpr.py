@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from acausal import External
 from acausal.errors import DeclarationError
@@ -19,6 +20,7 @@ from acausal.library.contact.collide.shapes import (
     Cylinder,
     HalfSpace,
     PointedDrill,
+    Shape,
     Sphere,
 )
 from tests.contact.least import random_pose, wrong
@@ -197,3 +199,85 @@ def test_two_half_spaces_are_refused() -> None:
     with pytest.raises(DeclarationError) as caught:
         penetration(HalfSpace(), HalfSpace())
     assert caught.value.code == "AC177"
+
+
+ACROSS = (math.pi / 2, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "place", "turn", "depth"),
+    [
+        pytest.param(Sphere(0.3), Capsule(0.2, 0.6), (0, 0, 0.1), (0, 0, 0), 0.5, id="centre on an axis"),
+        pytest.param(Capsule(0.2, 1.0), Capsule(0.1, 0.8), (0, 0, 0.1), ACROSS, 0.3, id="axes that cross"),
+        pytest.param(Capsule(0.2, 1.0), Capsule(0.1, 0.8), (0, 0, 0.1), (0, 0, 0), 0.3, id="axes on each other"),
+        pytest.param(Sphere(0.3), Box((1.0, 0.7, 0.4)), (0.5, 0.35, 0), (0, 0, 0), 0.3, id="centre on an edge"),
+        pytest.param(Sphere(0.3), Box((1.0, 0.7, 0.4)), (0.5, 0.35, 0.2), (0, 0, 0), 0.3, id="centre on a corner"),
+        pytest.param(Cylinder(0.3, 0.8), Cylinder(0.3, 0.8), (0, 0.1, 0.6), ACROSS, 0.1, id="flank on a cap"),
+        pytest.param(Box((1.0, 1.0, 1.0)), Box((1.0, 1.0, 1.0)), (0, 0, 0.9), (0, 0, 0), 0.1, id="equal faces"),
+        pytest.param(Box((1.0, 0.8, 0.6)), Box((1.0, 0.8, 0.6)), (0, 0, 0), (0, 0, 0), 0.6, id="in each other"),
+        pytest.param(Sphere(0.3), Sphere(0.2), (0, 0, 0), (0, 0, 0), 0.5, id="concentric"),
+        pytest.param(Cone(0.3, 0.5), Box((1.0, 1.0, 0.2)), (0, 0, -0.05), (0, 0, 0), 0.05, id="tip above a face"),
+    ],
+)
+def test_depth_is_exact(a: Shape, b: Shape, place: tuple[float, ...], turn: tuple[float, ...], depth: float) -> None:
+    """Sums of radii and half lengths; which normal, where there are many, is not asked."""
+    d, n, _, _ = contact(a, HERE, b, pose(place, turn))
+    assert d == pytest.approx(depth, abs=1e-9)
+    assert float(plane_heights(a, HERE, b, pose(place, turn), n[None])[0]) == pytest.approx(d, abs=1e-9)
+
+
+PLATE = Box((0.1, 0.1, 0.01))
+THICKNESS, RADIUS = 0.01, 0.008
+LENGTH = RADIUS / math.tan(math.radians(59))
+CONE = Cone(RADIUS, LENGTH)
+DRILL = PointedDrill(2 * RADIUS, math.radians(118), 0.1)
+DOWN = (0.0, 0.0, -1.0)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.005, 0.015, 0.025, 0.035, 0.045])
+def test_the_depth_of_the_tip_is_exact_everywhere(offset: float) -> None:
+    """Below the entry face, along its normal, for tilts of 0 to 20 degrees in any direction, up to half way through."""
+    for tilt, around, place, depth in product(
+        (0.0, 5.0, 10.0, 15.0, 20.0), (0.0, 2.0), (0.0, 0.8), (1e-5, 1e-3, 4.5e-3)
+    ):
+        turn = Rotation.from_euler("zy", [around, math.radians(tilt)]).as_matrix()
+        tip = np.array([offset * math.cos(place), offset * math.sin(place), THICKNESS / 2 - depth])
+        for tool in (CONE, DRILL):
+            d, n, p, _ = contact(tool, (tip, turn), PLATE, pose((0.0, 0.0, 0.0)))
+            assert d == pytest.approx(depth, abs=1e-12)
+            assert n == pytest.approx(DOWN, abs=1e-9)
+            assert p == pytest.approx(tip, abs=1e-9)
+
+
+@pytest.mark.parametrize("tool", [CONE, DRILL], ids=["cone", "drill"])
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+def test_through_drilling_stays_right(tool: Cone | PointedDrill, tilt: float) -> None:
+    """Past (t + l)/2 the shortest way out is on through the plate; a tool goes back where it came from.
+
+    A cone without a shank does so until back is four times as far as through.
+    """
+    turn = Rotation.from_euler("y", tilt).as_matrix()
+    most = 0.79 if isinstance(tool, Cone) and not tilt else 0.7
+    for depth in np.linspace(0.001, most * (THICKNESS + LENGTH * math.cos(tilt)), 20):
+        tip = np.array([0.02, 0.01, THICKNESS / 2 - depth])
+        d, n, _, _ = contact(tool, (tip, turn), PLATE, pose((0.0, 0.0, 0.0)))
+        assert d == pytest.approx(depth, abs=1e-12)
+        assert n == pytest.approx(DOWN, abs=1e-9)
+
+
+def test_a_drill_far_through() -> None:
+    """Ten plate thicknesses further on nothing has changed."""
+    for depth in (0.02, 0.05, 0.07):
+        d, n, _, _ = contact(DRILL, pose((0.02, 0.01, THICKNESS / 2 - depth)), PLATE, pose((0.0, 0.0, 0.0)))
+        assert d == pytest.approx(depth, abs=1e-12)
+        assert n == pytest.approx(DOWN, abs=1e-9)
+
+
+def test_a_cone_standing_on_its_base_is_not_drawn_back() -> None:
+    """It rests on the plate with its flat side: the nearest way out is up."""
+    upside = pose((0.0, 0.0, THICKNESS / 2 + LENGTH - 1e-5), (math.pi, 0.0, 0.0))
+    base_down = pose((0.01, 0.02, THICKNESS / 2 + LENGTH - 1e-5), (math.pi, 0.0, 0.0))
+    assert contact(CONE, upside, PLATE, pose((0.0, 0.0, 0.0)))[0] == pytest.approx(1e-5, abs=1e-12)
+    d, n, _, _ = contact(CONE, base_down, PLATE, pose((0.0, 0.0, 0.0)))
+    assert d == pytest.approx(1e-5, abs=1e-12)
+    assert n == pytest.approx(DOWN, abs=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ from acausal.library.contact import (
 from acausal.library.multibody import Body, World, WorldForce
 from acausal.library.multibody.orientation import IDENTITY
 from acausal.models.contact_scenes import BoxStack
+from tests.cli.running import run
 from tests.contact.scenes import G
 
 LAWS = Surfaces(law=HuntCrossley(k=1e4, n=1.0, e=0.7, v_0=0.4), friction=Coulomb(mu=0.3, v_s=1e-2))
@@ -253,3 +255,19 @@ def test_inputs_over_time_and_starts_go_through_changes_of_structure() -> None:
     assert int(str(near.stats["structures"])) > 1
     assert near["ball.r_0"][0].tolist() == [0.0, 0.0, 0.028]
     np.testing.assert_allclose(near.final("ball.r_0"), whole.final("ball.r_0"), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_command_line_runs_a_scene_in_pieces(tmp_path: Path) -> None:
+    picture = tmp_path / "holes.png"
+    done = run("simulate", "HolesSideBySide", "--set", "n=3", "--json", "--no-output", "--plot-file", picture)
+    assert done.code == 0, done.err
+    assert done.json["stats"]["structures"] > 2
+    assert picture.stat().st_size > 10_000
+
+
+def test_stats_tell_the_pairs_of_a_scene(tmp_path: Path) -> None:
+    done = run("simulate", "StackedPlates", "--stop-time", "0.1", "--no-output", "--stats")
+    assert done.code == 0, done.err
+    assert "4 bodies, 6 pairs: 2 in the equations" in done.out
+    assert "drill - upper   drilling" in done.out
