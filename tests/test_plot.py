@@ -182,7 +182,7 @@ def test_figure_of_a_model(result: Result) -> None:
     depth, temperature, count = drawing.axes
     assert depth.get_title(loc="left") == "Depth"
     assert lines(depth)["drill.s"][-1] == pytest.approx(1.6)
-    assert depth.get_ylabel() == "Depth [cm]"
+    assert depth.get_ylabel() == "[cm]"  # the title says the rest
     # 300 K - 273.15 K
     assert lines(temperature)["T"][0] == pytest.approx(26.85)
     assert count.get_ylabel() == "Count"
@@ -271,6 +271,7 @@ def test_plotting_to_a_file_does_not_load_pyplot() -> None:
         ("m/s", 2e-4, "um/s", 1e6),
         ("m2", 3e-6, "mm2", 1e6),
         ("m3", 5e-8, "mm3", 1e9),
+        ("m3/s", 5e-4, "cm3/s", 1e6),
         ("s", 1e5, "s", 1.0),
         ("s", 2e-3, "ms", 1e3),
         ("A", 1e-15, "pA", 1e12),

@@ -190,9 +190,12 @@ const app = (() => {
   }
 
   function plotted(box, curves, prefix, unit) {
-    const series = curves.map((c) => ({
+    const rows = table(curves);
+    // Dashes tell results apart if there are several, otherwise curves that coincide.
+    const dash = (c, i) => (results.length > 1 ? DASHES[c.k % DASHES.length] : dashOver(rows.slice(1), i));
+    const series = curves.map((c, i) => ({
       label: prefix + c.name + (results.length > 1 ? ` · ${results[c.k].label}` : ""),
-      stroke: COLORS[c.color % COLORS.length], dash: DASHES[c.k % DASHES.length], width: 1.5, spanGaps: false, value: (u, v) => formatted(v), points: { show: false },
+      stroke: COLORS[c.color % COLORS.length], dash: dash(c, i), width: 1.5, spanGaps: false, value: (u, v) => formatted(v), points: { show: false },
     }));
     const options = {
       width: Math.max(300, place.clientWidth - 24), height: 220, pxAlign: 0, series: [{ label: "t [s]", value: (u, v) => formatted(v) }, ...series],
@@ -203,7 +206,7 @@ const app = (() => {
         setSelect: [(u) => { if (u.select.width > 2) zoom(u.posToVal(u.select.left, "x"), u.posToVal(u.select.left + u.select.width, "x")); u.setSelect({ width: 0, height: 0 }, false); }],
       },
     };
-    const plot = new uPlot(options, table(curves), box);
+    const plot = new uPlot(options, rows, box);
     plot.over.addEventListener("dblclick", () => zoom(null, null));
     return plot;
   }

@@ -103,9 +103,10 @@ class _Group:
     lines: tuple[_Line, ...]
     scale: Scale
 
-    @property
-    def label(self) -> str:
+    def label(self, title: str) -> str:
+        """What the signals are, unless `title` above the panel says the same, and their unit."""
         docs = list(dict.fromkeys(s.doc.rstrip(".") for s in self.signals if s.doc))
+        docs = [] if [doc.lower() for doc in docs] == [title.lower()] else docs
         lines = wrap(", ".join(docs), _LABEL_WIDTH)
         if len(lines) > 2 or (len(docs) > 1 and len(lines) > 1):
             lines = []  # a paragraph along the axis is harder to read than the legend
@@ -356,7 +357,7 @@ def _draw(ax: Axes, results: Sequence[tuple[str, Result]], panel: Panel, groups:
             covered = sum(_covers(line, other, group) for other in group.lines[:i])
             style = STYLES[(line.source + (len(handles) >= len(COLORS)) + covered) % len(STYLES)]
             handles += side.plot(scale(line.abscissas), line.values, ls=style, color=color, label=line.label + beside)
-        side.set_ylabel(group.label)
+        side.set_ylabel(group.label(panel.title))
         _widen_constant(side, [line.values for line in group.lines])
         if k:
             side.grid(False)

@@ -75,6 +75,8 @@ def readable(declared: str, magnitude: float) -> Scale:
     power = int(match["power"] or 1)
     if power > 1 and magnitude >= 1e-3:
         return Scale(declared)
+    if match["unit"] == "m" and power == 3 and magnitude >= 1e-6:
+        return Scale("c" + declared, 1e6)  # a step of the prefixes is a factor of 1e9 here
     exponent = 3 * math.floor(math.log10(magnitude) / (3 * power) + 1e-12)
     exponent = min(max(exponent, -12), _LARGEST.get(match["unit"], 9))
     return Scale(_PREFIXES[exponent] + declared, 10.0 ** (-exponent * power))

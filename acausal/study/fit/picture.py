@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from acausal.errors import UsageError
 from acausal.plot.plot import COLORS, STYLE, Drawing, check_picture, save
-from acausal.plot.scale import readable
+from acausal.plot.scale import Scale, readable
 from acausal.study.fit.fit import Fit
 from acausal.study.fit.trial import compared
 
@@ -68,4 +68,5 @@ def _draw(fit: Fit, name: str, upper: Axes, lower: Axes) -> None:
 
 def _title(fit: Fit) -> str:
     rows = zip(fit.names, fit.value.tolist(), (fit.interval[:, 1] - fit.value).tolist(), fit.units, strict=True)
-    return ",  ".join(f"{n} = {v:.5g} ± {r:.2g} {u}".removesuffix(" 1") for n, v, r, u in list(rows)[:4])
+    shown = ((n, v, r, Scale(u).label.strip("[]")) for n, v, r, u in list(rows)[:4])
+    return ",  ".join(f"{n} = {v:.5g} ± {r:.2g} {u}".rstrip() for n, v, r, u in shown)
