@@ -16,6 +16,7 @@ from acausal import (
     Component,
     Equations,
     Real,
+    connect,
     der,
     discrete,
     fixed,
@@ -30,6 +31,7 @@ from acausal import (
     where,
 )
 from acausal.errors import ExportError
+from acausal.library.electrical import Capacitor, Ground, IdealDiode, Resistor, SineVoltage
 
 G, E, H = 9.81, 0.8, 1.0
 METHODS: list[Literal["forward", "adjoint"]] = ["forward", "adjoint"]
@@ -126,3 +128,40 @@ def test_a_relation_that_meets_a_known_instant_moves_alone(method: Literal["forw
     """n(1.75) = 3 (1.75 - 1/p) + 2 (1.75 - 1) + terms of the samples."""
     found = acausal.sensitivities(Ticking(), ["p"], ["n", "k"], stop_time=1.75, method=method)
     np.testing.assert_allclose(found.final, [[3.0], [0.0]], rtol=1e-8, atol=1e-9)
+
+
+class Rectifier(Component):
+    """Half a bridge: two diodes of 1e-5 Ohm in series, which block together, charge a capacitor."""
+
+    R: Real = parameter(default=50.0)
+    source: SineVoltage = part()
+    diodes: list[IdealDiode] = part()
+    inner: Resistor = part()
+    capacitor: Capacitor = part()
+    load: Resistor = part()
+    ground: Ground = part()
+
+    def build(self) -> None:
+        self.source, self.inner, self.load = SineVoltage(V=10.0, f=50.0), Resistor(R=0.5), Resistor(R=self.R)
+        self.diodes = [IdealDiode(), IdealDiode()]
+        self.capacitor, self.ground = Capacitor(C=1e-3, v=fixed(0.0)), Ground()
+
+    def equations(self) -> Equations:
+        first, second = self.diodes
+        yield connect(self.source.p, self.inner.p)
+        yield connect(self.inner.n, first.p)
+        yield connect(first.n, self.capacitor.p, self.load.p)
+        yield connect(self.capacitor.n, self.load.n, second.p)
+        yield connect(second.n, self.source.n, self.ground.p)
+
+
+def test_diodes_that_block_together_are_differentiated() -> None:
+    """Against differences of runs."""
+    model = acausal.compile(Rectifier())
+    found = acausal.sensitivities(model, ["R", "inner.R"], ["capacitor.v"], stop_time=0.03).final[0]
+    for name, value, derivative in (("R", 50.0, found[0]), ("inner.R", 0.5, found[1])):
+        ends = [
+            acausal.simulate(model, parameters={name: value * k}, stop_time=0.03, tolerance=1e-10).final("capacitor.v")
+            for k in (1.001, 0.999)
+        ]
+        assert derivative == pytest.approx((ends[0] - ends[1]) / (0.002 * value), rel=1e-4)

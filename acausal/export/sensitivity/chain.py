@@ -35,8 +35,9 @@ from acausal.simulate.events.regime import Regime
 _APART = 1e-12
 # Smallest uncertainty of an instant, as a fraction of the run, and the largest one in units of the smallest.
 _ROUNDED, _MOST_UNCERTAIN = 1e-13, 1e10
-# Delays between events at one instant are zero if they are smaller than this fraction of the terms that add up to them.
-_TOGETHER = 1e-6
+# Delays between events at one instant are zero if smaller than this fraction of the terms that add up to either
+# instant: those of two diodes of 1e-5 Ohm in series, which block together, are rounding errors of 2e-5.
+_TOGETHER = 1e-4
 # A first, rough integration estimates the magnitude of the variations: its tolerance, and the number of points at which
 # each stretch is evaluated.
 _ROUGH, _POINTS = 1e-5, 5
@@ -215,7 +216,9 @@ class Chain:
         """Whether each parameter moves the events of passage `k` apart, from variations `x` before; shape (count,)."""
         event = self.event(k)
         delays = event.apart_x @ x + event.apart_p
-        terms = np.abs(event.apart_x) @ np.abs(x) + np.abs(event.apart_p)
+        size = np.abs(x)
+        terms = np.abs(event.time_x) @ size + np.abs(event.time_p)
+        terms = np.maximum(terms, np.abs(event.time_x + event.apart_x) @ size + np.abs(event.time_p + event.apart_p))
         found = np.asarray((np.abs(delays) > _TOGETHER * terms).any(axis=0))
         if found.any() and not event.separable:
             self._saltation.refuse_apart(self.passages[k], self.compiled.parameters[self.chosen[int(np.argmax(found))]])
