@@ -184,7 +184,9 @@ class Member:
         interpolated_values, good = between(nodes, values, times, allowed)
         x = interpolated_values.T
         if not good.all():
-            x[:, ~good] = self._integrated(regime, replace(segment, times=times[~good]))
+            rest = times[~good]
+            k = int(np.searchsorted(nodes, rest[0])) - 1  # the mesh point before them
+            x[:, ~good] = self._integrated(regime, replace(segment, start=float(nodes[k]), times=rest, x=values[k]))
         return x
 
     def _integrated(self, regime: Regime, segment: Segment) -> Vector:
