@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from acausal.flatten.pool import LEAVES
+from acausal.language.expressions.external import Call
 from acausal.lower.compiled import CompiledModel
+from acausal.numeric.external import function, is_self_contained
 from acausal.simulate.driver.agenda import clocks
 from acausal.simulate.inputs.given import given_inputs
 from acausal.simulate.options import Options
@@ -38,6 +40,12 @@ def fingerprint(compiled: CompiledModel) -> str:
     own = [asdict(compiled.flat.experiment), *sizes]
     parts.append(json.dumps([*named, clocks(compiled, values), demanded, own]))
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+def unknown_functions(compiled: CompiledModel) -> list[str]:
+    """External functions that call Python or a library: a fingerprint contains their names, not what they compute."""
+    calls = {node[0] for node in compiled.flat.pool.nodes if isinstance(node[0], Call)}
+    return sorted({call.external.name for call in calls if not is_self_contained(function(call.external))})
 
 
 def _demands(compiled: CompiledModel) -> list[Any]:

@@ -29,7 +29,7 @@ from acausal.simulate.options import parameter_vector
 from acausal.simulate.record.record import Described
 from acausal.study.sweep.cluster import cluster
 from acausal.study.sweep.family import Progress, Report, Sweep, sweep_from
-from acausal.study.sweep.identity import as_text, driven, fingerprint, run_times
+from acausal.study.sweep.identity import as_text, driven, fingerprint, run_times, unknown_functions
 from acausal.study.sweep.member import Outcome, Task, run_member
 from acausal.study.sweep.store import Definition, Store
 from acausal.study.sweep.vary import design
@@ -130,6 +130,8 @@ def sweep(
         setting["options"] = as_text({k: v for k, v in options.items() if k != "inputs"})
         setting["inputs"] = driven(compiled, dict(options))
         setting["model"] = fingerprint(compiled)
+        if resume and Path(file).exists():
+            _refuse_unknown(file, compiled)
     definition = Definition(compiled.name, _varied(compiled, names), values, kept, task.grid, setting)
     # open it before anything runs, because a sweep of one or two members would never report a wrong executor
     with _pool(executor, workers, len(values)) as pool:
@@ -284,6 +286,18 @@ def _varied(compiled: CompiledModel, names: tuple[str, ...]) -> tuple[Signal, ..
     """Names, units and descriptions of the varied parameters."""
     known = _without_rows(compiled).signals
     return tuple(known[name] if name in known else Signal(name) for name in names)
+
+
+def _refuse_unknown(file: Path | str, compiled: CompiledModel) -> None:
+    """Raise UsageError AC062 if the members of the file may come from other functions of the same name."""
+    unknown = unknown_functions(compiled)
+    if unknown:
+        raise UsageError(
+            "AC062",
+            f"{file} cannot be resumed: {compiled.name} calls Python or a library, which may have changed since",
+            evidence=[f"external functions: {', '.join(unknown)}"],
+            help="acausal.load_sweep reads the members that are done; run the others with another file",
+        )
 
 
 def _open_store(file: Path | None, definition: Definition, resume: bool) -> Store:

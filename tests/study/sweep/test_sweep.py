@@ -26,6 +26,7 @@ from acausal.study.sweep import member as members
 from acausal.study.sweep import workers
 from acausal.study.sweep.family import Progress
 from tests.lower.test_cache import Choice
+from tests.simulate.test_native_foreign import Decaying
 from tests.study.sweep.decays import Decay
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -345,6 +346,7 @@ _LONG = """
 import sys
 import acausal
 from acausal import Range
+from tests.simulate.test_native_foreign import Decaying
 from tests.study.sweep.decays import Decay
 
 def say(progress):
@@ -483,3 +485,11 @@ def test_an_executor_whose_workers_are_gone_is_named() -> None:
 
     with Broken(1) as pool, pytest.raises(RunError, match="AC413"):
         decays(executor=pool)
+
+
+def test_a_model_that_calls_python_is_not_resumed(tmp_path: Path) -> None:
+    """Its members may come from another function of the same name, of which the file knows nothing."""
+    file = tmp_path / "x.sweep"
+    acausal.sweep(Decaying(), {"k": [0.5, 1.0]}, signals=["x"], stop_time=1.0, workers=1, file=file)
+    with pytest.raises(UsageError, match=r"(?s)AC062.*doubled"):
+        acausal.sweep(Decaying(), {"k": [0.5, 1.0]}, signals=["x"], stop_time=1.0, workers=1, file=file, resume=True)
