@@ -72,6 +72,7 @@ class Component(Owner):
     """Names that the class body itself declares, new ones or in place of an inherited part."""
     _to_be_connected: ClassVar[tuple[str, ...]] = ()
     """Connectors that must be connected: the zero flow of an open one would determine flows of the component."""
+    _lists: ClassVar[frozenset[str]] = frozenset()
     _parts: dict[str, Component | list[Any]]
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -123,6 +124,7 @@ class Component(Owner):
         cls._is_sized = any(d.sized is not None for d in declarations.values())
         cls._prototypes = prototypes
         cls._outers = outers
+        cls._lists = cls._lists - annotated.keys() | {n for n, a in annotated.items() if str(a).startswith("list[")}
 
     def __init__(self, /, *nameless: Any, **given: Any) -> None:
         if nameless:
@@ -279,7 +281,7 @@ class Component(Owner):
             value = list(value)
         members = value if isinstance(value, list) else [value]
         prototype, declared_cls = self._prototypes.get(name), declared_class(type(self), name)
-        is_one = declared_cls is not None and members is value and annotation_of(type(self), name)[0] != "["
+        is_list, wants_list = members is value, name in self._lists
         for k, member in enumerate(members):
             if not isinstance(member, Component):
                 raise DeclarationError(
@@ -302,12 +304,15 @@ class Component(Owner):
                     f"not a {type(member).__name__}",
                     help="a connector is declared in the class; it need not be given",
                 )
-            if declared_cls is not None and is_one:
+            if declared_cls is not None and is_list is not wants_list:
+                declared = declared_cls.__name__
                 raise DeclarationError(
                     "AC116",
-                    f"{type(self).__name__}: part '{name}' is one {declared_cls.__name__}, not a list",
+                    f"{type(self).__name__}: part '{name}' is "
+                    + (f"a list of {declared}, not one" if wants_list else f"one {declared}, not a list"),
                     where=(*calling_span(), *declared_at(type(self), name)),
-                    help=f"make {annotation_of(type(self), name)}, or declare it as list[{declared_cls.__name__}]",
+                    help=f"make {annotation_of(type(self), name)}, or declare it as "
+                    + (declared if wants_list else f"list[{declared}]"),
                 )
             if declared_cls is not None and not isinstance(member, declared_cls):
                 raise DeclarationError(

@@ -50,6 +50,7 @@ _OF_TYPES = (
     ("Declaration", "a field has no value in the class body: default=lambda self: 2 * self.x"),
     ("'float' object cannot be interpreted as an integer", "whole numbers are divided by //: n // 2"),
     ("'int' object is not iterable", "`for k in range(n)` goes from 0 to n - 1"),
+    ("cannot unpack non-iterable", "`for k, mass in enumerate(self.masses)` counts the elements of a list"),
 )
 """Parts of the text of a TypeError, and the remedy."""
 
@@ -177,6 +178,8 @@ def _advice(error: Exception, frame: FrameType, node: ast.AST | None, values: di
         return help
     if any(isinstance(value, Expr) for value in values.values()) and (name := called_name(node)) in _public():
         return f"write {name}(...) with acausal.{name}: functions of math and numpy take numbers only"
+    if "setting an array element" in str(error):
+        return "numpy takes numbers only: use a function of acausal, such as lookup(...) for a table"
     if isinstance(error, ArithmeticError) or "math domain" in str(error):
         return "Python computes it when the model is made: refuse structural values that cannot be, in `build`"
     return None
@@ -195,6 +198,8 @@ def _of_types(text: str, frame: FrameType, node: ast.AST | None, values: dict[st
         if part in text:
             return remedy
     for name, value in values.items():
+        if isinstance(value, list) and value:
+            name, value = f"{name}[0]", value[0]
         if isinstance(value, Owner) and name != "self" and f"'{type(value).__name__}'" in text:
             return _quantities(name, value)
     return None
@@ -238,6 +243,10 @@ def _public() -> list[str]:
 def _unknown_attribute(name: str, owner: object) -> str | None:
     if isinstance(owner, Expr):
         return _ATTRIBUTES.get(name, "an expression has operators, elements and functions such as sqrt(self.x)")
+    if isinstance(owner, super):
+        return f"leave it out: `{name}` of all base classes is called, the first base class first"
+    if isinstance(owner, list):
+        return f"take {name} of one element, [0], or go through the list with `for`"
     if isinstance(owner, Declaration):
         return "a field has no value in the class body: default=lambda self: 2 * self.x"
     if isinstance(owner, ModuleType):

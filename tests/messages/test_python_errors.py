@@ -73,6 +73,10 @@ EQUATIONS = {
     "for r in self.resistor: yield r.i == 0": ("AC002", "self.resistor.v"),
     "yield self.x == float(self.resistor)": ("AC002", "self.resistor.v"),
     "yield self.x == self.masses + 1": ("AC002", "self.masses[0]"),
+    "yield sum(self.masses) == 0": ("AC002", "self.masses[0].s"),
+    "yield self.masses[0:2].s == 0": ("AC002", "of one element"),
+    "for k, mass in self.masses: yield mass.s == k": ("AC002", "enumerate(self.masses)"),
+    "yield from super().equations()": ("AC002", "leave it out"),
     # counts and names of arguments
     "yield connect(self.resistor.p)": ("AC002", "connect(first, second, *more)"),
     "yield connect(a=self.resistor.p, b=self.ground.p)": ("AC002", "connect(first, second, *more)"),
@@ -175,3 +179,16 @@ def test_an_empty_list_of_parts_shows_the_number_that_made_it_empty() -> None:
         acausal.flatten(Chain(n=0))
     assert caught.value.code == "AC103"
     assert "Chain has n=0" in caught.value.evidence
+
+
+def test_one_component_where_a_list_is_declared() -> None:
+    class Chain(Component):
+        masses: list[Mass] = part()
+
+        def build(self) -> None:
+            self.masses = Mass(m=1.0)  # type: ignore[assignment]
+
+    with pytest.raises(AcausalError) as caught:
+        Chain()
+    assert caught.value.code == "AC116"
+    assert "'masses' is a list of Mass, not one" in caught.value.fact

@@ -114,7 +114,7 @@ def _stepped(component: Component, generator: Generator[Any, Any, Any], ledger: 
                 callers = tuple(s for s in calls if not s.of_library)[-1:]
                 error.where = callers or (component.__dict__["_origin"].span(),)
             raise
-        except OF_PYTHON as error:
+        except (*OF_PYTHON, RecursionError) as error:
             raise in_model_code(error)  # noqa: B904 (it sets the cause)
         finally:
             RECORDING.reset(token)

@@ -22,6 +22,7 @@ _SHIFT = "compare by a < b; a shift of bits is a * 2**n, or floor(a / 2**n) with
 _SAME_NAME = frozenset("sin cos tan asin acos atan sinh cosh tanh exp log sqrt fabs floor ceil atan2".split())  # noqa: SIM905
 _OF_MATH = {
     "pow": "x ** y",
+    "fsum": "sum(v)",
     "hypot": "sqrt(x**2 + y**2), with acausal.sqrt",
     "log10": "log(x) / log(10), with acausal.log",
     "log2": "log(x) / log(2), with acausal.log",
