@@ -26,29 +26,25 @@ class TwoBodies(Component):
     m_drill: Real = parameter(default=5.0, unit="kg")
     m_work: Real = parameter(default=20.0, unit="kg")
 
-    world: World = part()
+    world: World = World(g=0.0)
     slide: Prismatic = part()
-    spindle: Revolute = part()
+    spindle: Revolute = Revolute(n=AXIS, phi=fixed(0.0))
     body: Body = part()
     drill: DrillingForce = part()
-    table: Prismatic = part()
+    table: Prismatic = Prismatic(n=AXIS, s=fixed(0.0), v=fixed(0.0))
     block: Body = part()
     workpiece: Workpiece = part()
     profile: TimeTable = part()
-    force: Force = part()
+    force: Force = Force()
     speed: RotationalSpeed = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
         self.slide = Prismatic(n=AXIS, s=fixed(-self.gap), v=fixed(0.0))
-        self.spindle = Revolute(n=AXIS, phi=fixed(0.0))
         self.body = Body(m=self.m_drill)
-        self.table = Prismatic(n=AXIS, s=fixed(0.0), v=fixed(0.0))
         self.block = Body(m=self.m_work)
         self.workpiece = Workpiece(t=0.05)
         self.drill = DrillingForce(t=self.workpiece.t, k=1e8, d_c=2e4)
         self.profile = TimeTable(table=self.force_profile)
-        self.force = Force()
         self.speed = RotationalSpeed(w_ref=2 * math.pi * self.n)
 
     def equations(self) -> Equations:
@@ -77,13 +73,13 @@ class TiltedDrill(Component):
     n_plate: Real = parameter(default=0.0, unit="1/s")
     t: Real = parameter(default=1e-3, unit="m")
 
-    world: World = part()
+    world: World = World(g=0.0)
     mount: FixedRotation = part()
-    slide: Prismatic = part()
-    spindle: Revolute = part()
+    slide: Prismatic = Prismatic(n=AXIS, s=fixed(0.0))
+    spindle: Revolute = Revolute(n=AXIS, phi=fixed(0.0))
     drill: KinematicDrillingForce = part()
-    lift: Prismatic = part()
-    turntable: Revolute = part()
+    lift: Prismatic = Prismatic(n=AXIS, s=fixed(0.0))
+    turntable: Revolute = Revolute(n=AXIS, phi=fixed(0.0))
     workpiece: Workpiece = part()
     feed: TranslationalSpeed = part()
     speed: RotationalSpeed = part()
@@ -91,12 +87,7 @@ class TiltedDrill(Component):
     turntable_speed: RotationalSpeed = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
         self.mount = FixedRotation(r=self.place, R_rel=axis_rotation((1.0, 0.0, 0.0), self.tilt))
-        self.slide = Prismatic(n=AXIS, s=fixed(0.0))
-        self.spindle = Revolute(n=AXIS, phi=fixed(0.0))
-        self.lift = Prismatic(n=AXIS, s=fixed(0.0))
-        self.turntable = Revolute(n=AXIS, phi=fixed(0.0))
         self.workpiece = Workpiece(t=self.t)
         self.drill = KinematicDrillingForce(t=self.workpiece.t)
         self.feed = TranslationalSpeed(v_ref=self.v)
@@ -143,20 +134,18 @@ class SeriesOfFigure2(Component):
     preload: Real = parameter(unit="N")
 
     profile: TimeTable = part()
-    force: Force = part()
+    force: Force = Force()
     mass: Mass = part()
     contact: SpringDamper = part()
     cut: CuttingDamper = part()
-    ground: Fixed = part()
+    ground: Fixed = Fixed()
 
     def build(self) -> None:
         at_rest: Expr = self.preload / self.k
         self.profile = TimeTable(table=self.force_profile)
-        self.force = Force()
         self.mass = Mass(m=self.m, s=fixed(at_rest), v=fixed(0.0))
         self.contact = SpringDamper(c=self.k, d=self.d_c)
         self.cut = CuttingDamper(f_1=self.f_1, exponent=self.exponent, s_rel=fixed(0.0), f=guess(self.preload))
-        self.ground = Fixed()
 
     def equations(self) -> Equations:
         yield connect(self.profile.y, self.force.u)

@@ -29,24 +29,22 @@ class PeckDrilling(Component):
     """The tip at -3 mm + 0.8 mm/s t + 4 mm sin(t): it comes back to the ground four times in 20 s."""
 
     rate: Real = parameter(default=RATE, unit="1/s")
-    world: World = part()
+    world: World = World(g=0.0)
     slide: Prismatic = part()
     spindle: Revolute = part()
     drill: DrillingForce = part()
     workpiece: Workpiece = part()
     feed: Position = part()
-    speed: Speed = part()
+    speed: Speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def build(self) -> None:
         axis = (0.0, 0.0, 1.0)
-        self.world = World(g=0.0)
         self.slide = Prismatic(n=axis)
         self.spindle = Revolute(n=axis, phi=fixed(0.0))
         self.workpiece = Workpiece(t=PLAIN.t)
         self.drill = DrillingForce(t=self.workpiece.t, k=PLAIN.k, d_c=PLAIN.d_c, feed_force_factor=PLAIN.factor)
         start, feed, depth = quantity(START, "m"), quantity(FEED, "m/s"), quantity(DEPTH, "m")
         self.feed = Position(s_ref=start + feed * time + depth * sin(self.rate * time))
-        self.speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.slide.frame_a, self.workpiece.frame_a)
@@ -100,29 +98,26 @@ def test_slow_and_fast_pecks(solver: str, rate: float) -> None:
 class BothMove(Component):
     """The same contact with a box as workpiece that moves too, by -2 mm sin(0.7 t), and the drill with it."""
 
-    world: World = part()
+    world: World = World(g=0.0)
     slide: Prismatic = part()
     lift: Prismatic = part()
     spindle: Revolute = part()
     drill: DrillingForce = part()
-    workpiece: Workpiece = part()
+    workpiece: Workpiece = Workpiece(t=PLAIN.t)
     feed: Position = part()
     lifting: Position = part()
-    speed: Speed = part()
+    speed: Speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def build(self) -> None:
         axis = (0.0, 0.0, 1.0)
-        self.world = World(g=0.0)
         self.slide, self.lift = Prismatic(n=axis), Prismatic(n=axis)
         self.spindle = Revolute(n=axis, phi=fixed(0.0))
-        self.workpiece = Workpiece(t=PLAIN.t)
         box = ConvexLevel(Box((0.1, 0.1, PLAIN.t)), ((0.0, 0.0, PLAIN.t / 2), IDENTITY), "block")
         self.drill = DrillingForce(level=box, t=PLAIN.t, k=PLAIN.k, d_c=PLAIN.d_c, feed_force_factor=PLAIN.factor)
         start, feed, depth = quantity(START, "m"), quantity(FEED, "m/s"), quantity(DEPTH, "m")
         moved = -quantity(2e-3, "m") * sin(quantity(0.7, "1/s") * time)
         self.lifting = Position(s_ref=moved)
         self.feed = Position(s_ref=start + feed * time + depth * sin(quantity(RATE, "1/s") * time) + moved)
-        self.speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.slide.frame_a, self.lift.frame_a)

@@ -24,19 +24,15 @@ class Oscillator(Component):
     mass2: translational.Mass = part()
     spring1: translational.Spring = part()
     spring2: translational.Spring = part()
-    damper1: translational.Damper = part()
-    fixed1: translational.Fixed = part()
-    force1: translational.Force = part()
-    force2: translational.Force = part()
-    sine: Sine = part()
+    damper1: translational.Damper = translational.Damper(d=10.0)
+    fixed1: translational.Fixed = translational.Fixed(s0=1.0)
+    force1: translational.Force = translational.Force()
+    force2: translational.Force = translational.Force()
+    sine: Sine = Sine(amplitude=1.0, f=15.9155)
 
     def build(self) -> None:
         self.mass1, self.mass2 = (translational.Mass(m=1.0, L=1.0, s=-0.5, v=0.0) for _ in range(2))
         self.spring1, self.spring2 = (translational.Spring(c=1e4, s_rel0=1.0) for _ in range(2))
-        self.damper1 = translational.Damper(d=10.0)
-        self.fixed1 = translational.Fixed(s0=1.0)
-        self.force1, self.force2 = translational.Force(), translational.Force()
-        self.sine = Sine(amplitude=1.0, f=15.9155)
 
     def equations(self) -> Equations:
         yield connect(self.sine.y, self.force1.u, self.force2.u)
@@ -50,28 +46,18 @@ class Oscillator(Component):
 class InitialConditions(Component):
     """Translational_InitialConditions: starts given on relative lengths, and an equilibrium that must stay."""
 
-    wall_a: translational.Fixed = part()
-    s1: translational.Spring = part()
-    m1: translational.Mass = part()
-    sd1: translational.SpringDamper = part()
-    m2: translational.Mass = part()
-    wall_b: translational.Fixed = part()
-    s2: translational.Spring = part()
-    m3: translational.Mass = part()
-    sd2: translational.SpringDamper = part()
-    m4: translational.Mass = part()
-
-    def build(self) -> None:
-        self.wall_a = translational.Fixed(s0=-1.0)
-        self.s1 = translational.Spring(c=1000.0, s_rel0=1.0, s_rel=fixed(0.5))
-        self.m1 = translational.Mass(m=1.0, L=1.0, v=fixed(0.0))
-        self.sd1 = translational.SpringDamper(c=111.0, d=1.0, s_rel0=1.0, s_rel=fixed(1.0), v_rel=fixed(0.0))
-        self.m2 = translational.Mass(m=1.0, L=2.0, s=guess(0.0), v=guess(0.0))
-        self.wall_b = translational.Fixed(s0=1.0)
-        self.s2 = translational.Spring(c=1000.0, s_rel0=2.0)
-        self.m3 = translational.Mass(m=1.0, L=3.0, s=fixed(4.5), v=fixed(0.0))
-        self.sd2 = translational.SpringDamper(c=111.0, d=1.0, s_rel0=4.0)
-        self.m4 = translational.Mass(m=1.0, L=5.0, s=fixed(12.5), v=fixed(0.0))
+    wall_a: translational.Fixed = translational.Fixed(s0=-1.0)
+    s1: translational.Spring = translational.Spring(c=1000.0, s_rel0=1.0, s_rel=fixed(0.5))
+    m1: translational.Mass = translational.Mass(m=1.0, L=1.0, v=fixed(0.0))
+    sd1: translational.SpringDamper = translational.SpringDamper(
+        c=111.0, d=1.0, s_rel0=1.0, s_rel=fixed(1.0), v_rel=fixed(0.0)
+    )
+    m2: translational.Mass = translational.Mass(m=1.0, L=2.0, s=guess(0.0), v=guess(0.0))
+    wall_b: translational.Fixed = translational.Fixed(s0=1.0)
+    s2: translational.Spring = translational.Spring(c=1000.0, s_rel0=2.0)
+    m3: translational.Mass = translational.Mass(m=1.0, L=3.0, s=fixed(4.5), v=fixed(0.0))
+    sd2: translational.SpringDamper = translational.SpringDamper(c=111.0, d=1.0, s_rel0=4.0)
+    m4: translational.Mass = translational.Mass(m=1.0, L=5.0, s=fixed(12.5), v=fixed(0.0))
 
     def equations(self) -> Equations:
         yield connect(self.wall_a.flange, self.s1.flange_a)
@@ -87,26 +73,15 @@ class InitialConditions(Component):
 class First(Component):
     """Rotational_First: drive train with a rigid gear and an elastic shaft."""
 
-    torque: rotational.Torque = part()
-    sine: Sine = part()
-    inertia1: rotational.Inertia = part()
-    gear: rotational.IdealGear = part()
-    inertia2: rotational.Inertia = part()
-    spring: rotational.Spring = part()
-    inertia3: rotational.Inertia = part()
-    damper: rotational.Damper = part()
-    ground: rotational.Fixed = part()
-
-    def build(self) -> None:
-        self.torque = rotational.Torque()
-        self.sine = Sine(amplitude=10.0, f=5.0)
-        self.inertia1 = rotational.Inertia(J=0.1)
-        self.gear = rotational.IdealGear(ratio=10.0)
-        self.inertia2 = rotational.Inertia(J=2.0, phi=0.0, w=0.0)
-        self.spring = rotational.Spring(c=1e4)
-        self.inertia3 = rotational.Inertia(J=2.0, phi=0.0, w=0.0)
-        self.damper = rotational.Damper(d=10.0)
-        self.ground = rotational.Fixed()
+    torque: rotational.Torque = rotational.Torque()
+    sine: Sine = Sine(amplitude=10.0, f=5.0)
+    inertia1: rotational.Inertia = rotational.Inertia(J=0.1)
+    gear: rotational.IdealGear = rotational.IdealGear(ratio=10.0)
+    inertia2: rotational.Inertia = rotational.Inertia(J=2.0, phi=0.0, w=0.0)
+    spring: rotational.Spring = rotational.Spring(c=1e4)
+    inertia3: rotational.Inertia = rotational.Inertia(J=2.0, phi=0.0, w=0.0)
+    damper: rotational.Damper = rotational.Damper(d=10.0)
+    ground: rotational.Fixed = rotational.Fixed()
 
     def equations(self) -> Equations:
         yield connect(self.sine.y, self.torque.u)
@@ -121,26 +96,15 @@ class First(Component):
 class ElasticBearing(Component):
     """Rotational_ElasticBearing: a gear whose housing hangs on a spring-damper."""
 
-    torque: rotational.Torque = part()
-    ramp: Ramp = part()
-    shaft: rotational.Inertia = part()
-    gear: rotational.IdealGearWithSupport = part()
-    housing: rotational.Inertia = part()
-    spring: rotational.Spring = part()
-    load: rotational.Inertia = part()
-    springDamper: rotational.SpringDamper = part()
-    ground: rotational.Fixed = part()
-
-    def build(self) -> None:
-        self.torque = rotational.Torque()
-        self.ramp = Ramp(height=100.0, duration=5.0)
-        self.shaft = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
-        self.gear = rotational.IdealGearWithSupport(ratio=3.0)
-        self.housing = rotational.Inertia(J=5.0, phi=0.0, w=0.0)
-        self.spring = rotational.Spring(c=1e3)
-        self.load = rotational.Inertia(J=50.0, phi=0.0, w=0.0)
-        self.springDamper = rotational.SpringDamper(c=1e5, d=5.0)
-        self.ground = rotational.Fixed()
+    torque: rotational.Torque = rotational.Torque()
+    ramp: Ramp = Ramp(height=100.0, duration=5.0)
+    shaft: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
+    gear: rotational.IdealGearWithSupport = rotational.IdealGearWithSupport(ratio=3.0)
+    housing: rotational.Inertia = rotational.Inertia(J=5.0, phi=0.0, w=0.0)
+    spring: rotational.Spring = rotational.Spring(c=1e3)
+    load: rotational.Inertia = rotational.Inertia(J=50.0, phi=0.0, w=0.0)
+    springDamper: rotational.SpringDamper = rotational.SpringDamper(c=1e5, d=5.0)
+    ground: rotational.Fixed = rotational.Fixed()
 
     def equations(self) -> Equations:
         yield connect(self.ramp.y, self.torque.u)
@@ -156,20 +120,14 @@ class ElasticBearing(Component):
 class RollingWheel(Component):
     """Rotational_RollingWheel: a wheel that moves a mass against air drag."""
 
-    torque: rotational.Torque = part()
-    step: Step = part()
-    inertia: rotational.Inertia = part()
-    wheel: rotational.IdealRollingWheel = part()
-    mass: translational.Mass = part()
-    drag: translational.QuadraticSpeedDependentForce = part()
-
-    def build(self) -> None:
-        self.torque = rotational.Torque()
-        self.step = Step(height=10.0, start_time=0.1)
-        self.inertia = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
-        self.wheel = rotational.IdealRollingWheel(radius=1.0)
-        self.mass = translational.Mass(m=1.0)
-        self.drag = translational.QuadraticSpeedDependentForce(f_nominal=-10.0, v_nominal=5.0, force_direction=False)
+    torque: rotational.Torque = rotational.Torque()
+    step: Step = Step(height=10.0, start_time=0.1)
+    inertia: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
+    wheel: rotational.IdealRollingWheel = rotational.IdealRollingWheel(radius=1.0)
+    mass: translational.Mass = translational.Mass(m=1.0)
+    drag: translational.QuadraticSpeedDependentForce = translational.QuadraticSpeedDependentForce(
+        f_nominal=-10.0, v_nominal=5.0, force_direction=False
+    )
 
     def equations(self) -> Equations:
         yield connect(self.step.y, self.torque.u)
@@ -182,10 +140,10 @@ class RollingWheel(Component):
 class CauerLowPassAnalog(Component):
     """Electrical_CauerLowPassAnalog: two loops of capacitors, 7 energy stores and 5 states."""
 
-    V: electrical.StepVoltage = part()
-    G: electrical.Ground = part()
-    R1: electrical.Resistor = part()
-    R2: electrical.Resistor = part()
+    V: electrical.StepVoltage = electrical.StepVoltage(V=1.0, start_time=1.0)
+    G: electrical.Ground = electrical.Ground()
+    R1: electrical.Resistor = electrical.Resistor(R=1.0)
+    R2: electrical.Resistor = electrical.Resistor(R=1.0)
     C1: electrical.Capacitor = part()
     C2: electrical.Capacitor = part()
     C3: electrical.Capacitor = part()
@@ -196,9 +154,6 @@ class CauerLowPassAnalog(Component):
 
     def build(self) -> None:
         l1, l2 = 1.304, 0.8586
-        self.V = electrical.StepVoltage(V=1.0, start_time=1.0)
-        self.G = electrical.Ground()
-        self.R1, self.R2 = electrical.Resistor(R=1.0), electrical.Resistor(R=1.0)
         self.C1, self.C3, self.C5 = (electrical.Capacitor(C=c, v=0.0) for c in (1.072, 1.682, 0.7262))
         self.C2 = electrical.Capacitor(C=1.0 / (1.704992**2 * l1))
         self.C4 = electrical.Capacitor(C=1.0 / (1.179945**2 * l2))

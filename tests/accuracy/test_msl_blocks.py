@@ -19,27 +19,19 @@ class PIDController(Component):
     """Blocks_PID_Controller: speed control of two inertias by a limited PI controller, started in steady state."""
 
     acceleration: TimeTable = part()
-    integrator: Integrator = part()
-    PI: LimPID = part()
-    torque: Torque = part()
-    inertia1: Inertia = part()
-    spring: SpringDamper = part()
-    inertia2: Inertia = part()
-    loadTorque: ConstantTorque = part()
-    speedSensor: SpeedSensor = part()
+    integrator: Integrator = Integrator(y=0.0)
+    PI: LimPID = LimPID(with_D=False, k=100.0, Ti=0.1, y_max=12.0, Ni=0.1, I=guess(0.0))
+    torque: Torque = Torque()
+    inertia1: Inertia = Inertia(J=1.0, phi=fixed(0.0))
+    spring: SpringDamper = SpringDamper(c=1e4, d=100.0, w_rel=fixed(0.0))
+    inertia2: Inertia = Inertia(J=2.0)
+    loadTorque: ConstantTorque = ConstantTorque(tau_constant=10.0)
+    speedSensor: SpeedSensor = SpeedSensor()
 
     def build(self) -> None:
         pulse = ((0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (1.5, 1.0), (1.5, 0.0))
         brake = tuple((t + MOVE, -a) for t, a in pulse[1:])
         self.acceleration = TimeTable(table=(*pulse, *brake, (9.0, 0.0)))
-        self.integrator = Integrator(y=0.0)
-        self.PI = LimPID(with_D=False, k=100.0, Ti=0.1, y_max=12.0, Ni=0.1, I=guess(0.0))
-        self.torque = Torque()
-        self.inertia1 = Inertia(J=1.0, phi=fixed(0.0))
-        self.spring = SpringDamper(c=1e4, d=100.0, w_rel=fixed(0.0))
-        self.inertia2 = Inertia(J=2.0)
-        self.loadTorque = ConstantTorque(tau_constant=10.0)
-        self.speedSensor = SpeedSensor()
 
     def equations(self) -> Equations:
         yield connect(self.acceleration.y, self.integrator.u)

@@ -19,8 +19,8 @@ from tests.accuracy.msl_reference import error_of, read_example
 class ElastoGapExample(Component):
     """Translational_ElastoGap: two masses between walls, one on spring-dampers, one between gaps."""
 
-    fixed1: translational.Fixed = part()
-    fixed2: translational.Fixed = part()
+    fixed1: translational.Fixed = translational.Fixed(s0=-2.0)
+    fixed2: translational.Fixed = translational.Fixed(s0=2.0)
     mass1: translational.Mass = part()
     mass2: translational.Mass = part()
     springDamper1: translational.SpringDamper = part()
@@ -29,7 +29,6 @@ class ElastoGapExample(Component):
     elastoGap2: translational.ElastoGap = part()
 
     def build(self) -> None:
-        self.fixed1, self.fixed2 = translational.Fixed(s0=-2.0), translational.Fixed(s0=2.0)
         self.mass1, self.mass2 = (translational.Mass(m=1.0, s=2.0, v=0.0) for _ in range(2))
         self.springDamper1, self.springDamper2 = (
             translational.SpringDamper(c=10.0, d=1.5, s_rel0=1.0) for _ in range(2)
@@ -48,16 +47,13 @@ class ElastoGapExample(Component):
 class Backlash(Component):
     """Rotational_Backlash: an inertia on a spring-damper, and one on a spring-damper with play."""
 
-    fixed1: rotational.Fixed = part()
-    springDamper: rotational.SpringDamper = part()
+    fixed1: rotational.Fixed = rotational.Fixed()
+    springDamper: rotational.SpringDamper = rotational.SpringDamper(c=2e4, d=50.0)
     inertia1: rotational.Inertia = part()
-    elastoBacklash: rotational.ElastoBacklash = part()
+    elastoBacklash: rotational.ElastoBacklash = rotational.ElastoBacklash(c=2e4, d=50.0, b=math.pi / 4.0)
     inertia2: rotational.Inertia = part()
 
     def build(self) -> None:
-        self.fixed1 = rotational.Fixed()
-        self.springDamper = rotational.SpringDamper(c=2e4, d=50.0)
-        self.elastoBacklash = rotational.ElastoBacklash(c=2e4, d=50.0, b=math.pi / 4.0)
         self.inertia1, self.inertia2 = (rotational.Inertia(J=5.0, phi=math.pi / 2.0, w=0.0) for _ in range(2))
 
     def equations(self) -> Equations:

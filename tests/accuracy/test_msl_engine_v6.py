@@ -81,27 +81,19 @@ class Cylinder(Component):
     inclination: float = structural()
     x: float = structural()
     turned: FixedRotation = part()
-    pin: FixedTranslation = part()
-    lower: RevolutePlanarLoopConstraint = part()
-    rod: BodyShape = part()
-    upper: Revolute = part()
-    piston: BodyShape = part()
-    slide: Prismatic = part()
-    head: FixedTranslation = part()
+    pin: FixedTranslation = FixedTranslation(r=(0.0, 0.05, 0.0))
+    lower: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint(n=X)
+    rod: BodyShape = BodyShape(m=1.0, r=(0.0, 0.175, 0.0), r_CM=(0.0, 0.0875, 0.0), I_11=0.006)
+    upper: Revolute = Revolute(n=X)
+    piston: BodyShape = BodyShape(m=6.0, r=(0.0, 0.1, 0.0), r_CM=(0.0, 0.05, 0.0))
+    slide: Prismatic = Prismatic(n=(0.0, -1.0, 0.0), s=guess(0.15))
+    head: FixedTranslation = FixedTranslation(r=(0.0, 0.42, 0.0))
     tilted: FixedRotation = part()
-    gas: GasForce = part()
+    gas: GasForce = GasForce(L=0.195)
 
     def build(self) -> None:
         self.turned = FixedRotation(r=(self.x, 0.0, 0.0), R_rel=axis_rotation(X, math.radians(self.offset)))
-        self.pin = FixedTranslation(r=(0.0, 0.05, 0.0))
-        self.lower = RevolutePlanarLoopConstraint(n=X)
-        self.rod = BodyShape(m=1.0, r=(0.0, 0.175, 0.0), r_CM=(0.0, 0.0875, 0.0), I_11=0.006)
-        self.upper = Revolute(n=X)
-        self.piston = BodyShape(m=6.0, r=(0.0, 0.1, 0.0), r_CM=(0.0, 0.05, 0.0))
-        self.slide = Prismatic(n=(0.0, -1.0, 0.0), s=guess(0.15))
-        self.head = FixedTranslation(r=(0.0, 0.42, 0.0))
         self.tilted = FixedRotation(r=(self.x, 0.0, 0.0), R_rel=axis_rotation(X, math.radians(self.inclination)))
-        self.gas = GasForce(L=0.195)
 
     def equations(self) -> Equations:
         yield connect(self.crank, self.turned.frame_a)
@@ -144,24 +136,19 @@ class Load(Component):
 
 
 class EngineV6(Component):
-    world: World = part()
-    bearing: Revolute = part()
-    crank: Body = part()
+    world: World = World()
+    bearing: Revolute = Revolute(n=X)
+    crank: Body = Body(m=180.0, I_11=0.1)
     cylinders: list[Cylinder] = part()
-    load: Inertia = part()
-    resistance: Load = part()
+    load: Inertia = Inertia(J=1.0, phi=fixed(0.0), w=fixed(10.0))
+    resistance: Load = Load()
 
     def build(self) -> None:
-        self.world = World()
-        self.bearing = Revolute(n=X)
-        self.crank = Body(m=180.0, I_11=0.1)
         angles = ((-30, -30), (90, 30), (210, -30), (210, 30), (90, -30), (-30, 30))
         self.cylinders = [
             Cylinder(offset=float(offset), inclination=float(tilt), x=0.14 * k)
             for k, (offset, tilt) in enumerate(angles)
         ]
-        self.load = Inertia(J=1.0, phi=fixed(0.0), w=fixed(10.0))
-        self.resistance = Load()
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.bearing.frame_a)

@@ -23,22 +23,13 @@ from tests.accuracy.msl_reference import error_of, read_example
 class Friction(Component):
     """Rotational_Friction: a clutch and a brake on a drive train that swings."""
 
-    torque: rotational.Torque = part()
-    inertia3: rotational.Inertia = part()
-    clutch: rotational.Clutch = part()
-    inertia2: rotational.Inertia = part()
-    spring: rotational.SpringDamper = part()
-    inertia1: rotational.Inertia = part()
-    brake: rotational.Brake = part()
-
-    def build(self) -> None:
-        self.torque = rotational.Torque(u=where(time < 0.5, 200.0 * sin(100.0 * time), 0.0))
-        self.inertia3 = rotational.Inertia(J=1.0, phi=0.0, w=100.0)
-        self.inertia2 = rotational.Inertia(J=0.05, phi=0.0, w=90.0)
-        self.inertia1 = rotational.Inertia(J=1.0, phi=0.0, w=90.0)
-        self.clutch = rotational.Clutch(fn_max=160.0, f_normalized=1.0)
-        self.spring = rotational.SpringDamper(c=160.0, d=1.0)
-        self.brake = rotational.Brake(fn_max=1600.0, f_normalized=where(time < 0.5, 0.0, 1.0))
+    torque: rotational.Torque = rotational.Torque(u=where(time < 0.5, 200.0 * sin(100.0 * time), 0.0))
+    inertia3: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=100.0)
+    clutch: rotational.Clutch = rotational.Clutch(fn_max=160.0, f_normalized=1.0)
+    inertia2: rotational.Inertia = rotational.Inertia(J=0.05, phi=0.0, w=90.0)
+    spring: rotational.SpringDamper = rotational.SpringDamper(c=160.0, d=1.0)
+    inertia1: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=90.0)
+    brake: rotational.Brake = rotational.Brake(fn_max=1600.0, f_normalized=where(time < 0.5, 0.0, 1.0))
 
     def equations(self) -> Equations:
         yield connect(self.torque.flange, self.inertia3.flange_a)
@@ -52,18 +43,11 @@ class Friction(Component):
 class OneWayClutch(Component):
     """Rotational_OneWayClutch: a freewheel between a swinging inertia and one that only it drives."""
 
-    torque: rotational.Torque = part()
-    inertiaIn: rotational.Inertia = part()
-    oneWayClutch: rotational.OneWayClutch = part()
-    inertiaOut: rotational.Inertia = part()
-    pulse: blocks.Pulse = part()
-
-    def build(self) -> None:
-        self.torque = rotational.Torque(u=10.0 * sin(6.0 * math.pi * time))
-        self.inertiaIn = rotational.Inertia(J=1.0, phi=0.0, w=-0.5)
-        self.inertiaOut = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
-        self.oneWayClutch = rotational.OneWayClutch(fn_max=3.0, peak=25.0)
-        self.pulse = blocks.Pulse(period=1.3, width=0.5, start_time=0.3, nperiod=2)
+    torque: rotational.Torque = rotational.Torque(u=10.0 * sin(6.0 * math.pi * time))
+    inertiaIn: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=-0.5)
+    oneWayClutch: rotational.OneWayClutch = rotational.OneWayClutch(fn_max=3.0, peak=25.0)
+    inertiaOut: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
+    pulse: blocks.Pulse = blocks.Pulse(period=1.3, width=0.5, start_time=0.3, nperiod=2)
 
     def equations(self) -> Equations:
         yield connect(self.torque.flange, self.inertiaIn.flange_a)
@@ -78,25 +62,20 @@ STRIBECK = tuple((v, 5.0 + v + 10.0 * math.exp(-2.0 * v)) for v in np.linspace(0
 class StribeckFriction(Component):
     """Translational_Friction: sliding masses with Stribeck friction, one between stops, one from a table."""
 
-    stop1: translational.MassWithStopAndFriction = part()
+    stop1: translational.MassWithStopAndFriction = translational.MassWithStopAndFriction(m=1.0, L=1.0, s=0.0, v=0.0)
     force: translational.Force = part()
-    stop2: translational.MassWithStopAndFriction = part()
-    spring: translational.Spring = part()
-    wall: translational.Fixed = part()
-    mass: translational.Mass = part()
-    supportFriction: translational.SupportFriction = part()
+    stop2: translational.MassWithStopAndFriction = translational.MassWithStopAndFriction(
+        m=1.0, L=1.0, F_Coulomb=3.0, F_Stribeck=5.0, smax=0.9, smin=-0.9, s=0.0, v=-5.0
+    )
+    spring: translational.Spring = translational.Spring(c=500.0, s_rel0=1.0)
+    wall: translational.Fixed = translational.Fixed(s0=-1.75)
+    mass: translational.Mass = translational.Mass(m=1.0, L=1.0, s=0.0, v=0.0)
+    supportFriction: translational.SupportFriction = translational.SupportFriction(f_pos=STRIBECK)
     force2: translational.Force = part()
 
     def build(self) -> None:
         drive = 25.0 * sin(0.5 * math.pi * time)
-        self.stop1 = translational.MassWithStopAndFriction(m=1.0, L=1.0, s=0.0, v=0.0)
-        self.stop2 = translational.MassWithStopAndFriction(
-            m=1.0, L=1.0, F_Coulomb=3.0, F_Stribeck=5.0, smax=0.9, smin=-0.9, s=0.0, v=-5.0
-        )
         self.force, self.force2 = translational.Force(u=drive), translational.Force(u=drive)
-        self.spring, self.wall = translational.Spring(c=500.0, s_rel0=1.0), translational.Fixed(s0=-1.75)
-        self.mass = translational.Mass(m=1.0, L=1.0, s=0.0, v=0.0)
-        self.supportFriction = translational.SupportFriction(f_pos=STRIBECK)
 
     def equations(self) -> Equations:
         yield connect(self.force.flange, self.stop1.flange_b)

@@ -22,14 +22,9 @@ from tests.accuracy.msl_reference import error_of, read_example
 class TwoMasses(Component):
     """Heat_TwoMasses."""
 
-    mass1: thermal.HeatCapacitor = part()
-    mass2: thermal.HeatCapacitor = part()
-    conduction: thermal.ThermalConductor = part()
-
-    def build(self) -> None:
-        self.mass1 = thermal.HeatCapacitor(C=15.0, T=fixed(373.15))
-        self.mass2 = thermal.HeatCapacitor(C=15.0, T=fixed(273.15))
-        self.conduction = thermal.ThermalConductor(G=10.0)
+    mass1: thermal.HeatCapacitor = thermal.HeatCapacitor(C=15.0, T=fixed(373.15))
+    mass2: thermal.HeatCapacitor = thermal.HeatCapacitor(C=15.0, T=fixed(273.15))
+    conduction: thermal.ThermalConductor = thermal.ThermalConductor(G=10.0)
 
     def equations(self) -> Equations:
         yield connect(self.mass1.port, self.conduction.port_a)
@@ -75,22 +70,13 @@ class Motor(Component):
 class HeatingRectifier(Component):
     """Electrical_HeatingRectifier: a diode that warms itself."""
 
-    SineVoltage1: electrical.SineVoltage = part()
-    HeatingDiode1: electrical.HeatingDiode = part()
-    Capacitor1: electrical.Capacitor = part()
-    Resistor1: electrical.Resistor = part()
-    Ground1: electrical.Ground = part()
-    ThermalConductor1: thermal.ThermalConductor = part()
-    HeatCapacitor1: thermal.HeatCapacitor = part()
-
-    def build(self) -> None:
-        self.SineVoltage1 = electrical.SineVoltage(V=1.0, f=1.0)
-        self.HeatingDiode1 = electrical.HeatingDiode()
-        self.Capacitor1 = electrical.Capacitor(C=1.0, v=fixed(0.0))
-        self.Resistor1 = electrical.Resistor(R=1.0)
-        self.Ground1 = electrical.Ground()
-        self.ThermalConductor1 = thermal.ThermalConductor(G=10.0)
-        self.HeatCapacitor1 = thermal.HeatCapacitor(C=1.0, T=fixed(293.15))
+    SineVoltage1: electrical.SineVoltage = electrical.SineVoltage(V=1.0, f=1.0)
+    HeatingDiode1: electrical.HeatingDiode = electrical.HeatingDiode()
+    Capacitor1: electrical.Capacitor = electrical.Capacitor(C=1.0, v=fixed(0.0))
+    Resistor1: electrical.Resistor = electrical.Resistor(R=1.0)
+    Ground1: electrical.Ground = electrical.Ground()
+    ThermalConductor1: thermal.ThermalConductor = thermal.ThermalConductor(G=10.0)
+    HeatCapacitor1: thermal.HeatCapacitor = thermal.HeatCapacitor(C=1.0, T=fixed(293.15))
 
     def equations(self) -> Equations:
         yield connect(self.SineVoltage1.p, self.HeatingDiode1.p)
@@ -103,16 +89,10 @@ class HeatingRectifier(Component):
 class ShowSaturatingInductor(Component):
     """Electrical_ShowSaturatingInductor: one voltage on a saturating and on a linear inductor."""
 
-    SineVoltage1: electrical.SineVoltage = part()
-    SaturatingInductance1: electrical.SaturatingInductor = part()
-    Inductance1: electrical.Inductor = part()
-    Ground1: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.SineVoltage1 = electrical.SineVoltage(V=1.25, f=1 / (2 * math.pi), phase=math.pi / 2)
-        self.SaturatingInductance1 = electrical.SaturatingInductor(Psi=fixed(0.0))
-        self.Inductance1 = electrical.Inductor(L=1.0, i=fixed(0.0))
-        self.Ground1 = electrical.Ground()
+    SineVoltage1: electrical.SineVoltage = electrical.SineVoltage(V=1.25, f=1 / (2 * math.pi), phase=math.pi / 2)
+    SaturatingInductance1: electrical.SaturatingInductor = electrical.SaturatingInductor(Psi=fixed(0.0))
+    Inductance1: electrical.Inductor = electrical.Inductor(L=1.0, i=fixed(0.0))
+    Ground1: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.SineVoltage1.p, self.SaturatingInductance1.p, self.Inductance1.p)
@@ -135,22 +115,13 @@ class NonlinearResistor(electrical.PartialOnePort):
 class ChuaCircuit(Component):
     """Electrical_ChuaCircuit, in scaled units; chaotic."""
 
-    L: electrical.Inductor = part()
-    Ro: electrical.Resistor = part()
-    G: electrical.Conductor = part()
-    C1: electrical.Capacitor = part()
-    C2: electrical.Capacitor = part()
-    Nr: NonlinearResistor = part()
-    Gnd: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.L = electrical.Inductor(L=18.0, i=fixed(0.0))
-        self.Ro = electrical.Resistor(R=12.5e-3)
-        self.G = electrical.Conductor(G=0.565)
-        self.C1 = electrical.Capacitor(C=10.0, v=fixed(4.0))
-        self.C2 = electrical.Capacitor(C=100.0, v=fixed(0.0))
-        self.Nr = NonlinearResistor(Ga=-0.757576, Gb=-0.409091, Ve=1.0)
-        self.Gnd = electrical.Ground()
+    L: electrical.Inductor = electrical.Inductor(L=18.0, i=fixed(0.0))
+    Ro: electrical.Resistor = electrical.Resistor(R=12.5e-3)
+    G: electrical.Conductor = electrical.Conductor(G=0.565)
+    C1: electrical.Capacitor = electrical.Capacitor(C=10.0, v=fixed(4.0))
+    C2: electrical.Capacitor = electrical.Capacitor(C=100.0, v=fixed(0.0))
+    Nr: NonlinearResistor = NonlinearResistor(Ga=-0.757576, Gb=-0.409091, Ve=1.0)
+    Gnd: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.L.p, self.G.p, self.C2.p)
@@ -162,16 +133,12 @@ class ChuaCircuit(Component):
 class EddyCurrentBrake(Component):
     """Rotational_EddyCurrentBrake: a wheel that is braked and heats the disc."""
 
-    inertia: rotational.Inertia = part()
-    eddyCurrentTorque: rotational.EddyCurrentTorque = part()
-    heatCapacitor: thermal.HeatCapacitor = part()
-    ramp: blocks.Ramp = part()
-
-    def build(self) -> None:
-        self.inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(20.0))
-        self.eddyCurrentTorque = rotational.EddyCurrentTorque(tau_nominal=100.0, w_nominal=10.0, alpha20=3.92e-3)
-        self.heatCapacitor = thermal.HeatCapacitor(C=1.0, T=fixed(293.15))
-        self.ramp = blocks.Ramp(height=1.0, duration=0.1, start_time=0.1)
+    inertia: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(20.0))
+    eddyCurrentTorque: rotational.EddyCurrentTorque = rotational.EddyCurrentTorque(
+        tau_nominal=100.0, w_nominal=10.0, alpha20=3.92e-3
+    )
+    heatCapacitor: thermal.HeatCapacitor = thermal.HeatCapacitor(C=1.0, T=fixed(293.15))
+    ramp: blocks.Ramp = blocks.Ramp(height=1.0, duration=0.1, start_time=0.1)
 
     def equations(self) -> Equations:
         yield connect(self.inertia.flange_b, self.eddyCurrentTorque.flange)
@@ -182,18 +149,11 @@ class EddyCurrentBrake(Component):
 class SwitchedHeater(Component):
     """As the circuit of Heat_ControlledTemperature: a resistor that warms itself behind a switch."""
 
-    supply: electrical.ConstantVoltage = part()
-    resistor: electrical.HeatingResistor = part()
-    switch: electrical.IdealClosingSwitch = part()
-    ground: electrical.Ground = part()
-    body: thermal.HeatCapacitor = part()
-
-    def build(self) -> None:
-        self.supply = electrical.ConstantVoltage(V=15.0)
-        self.resistor = electrical.HeatingResistor(R_ref=6.0, T_ref=293.15, alpha=5e-3)
-        self.switch = electrical.IdealClosingSwitch()
-        self.ground = electrical.Ground()
-        self.body = thermal.HeatCapacitor(C=2.0, T=fixed(290.0))
+    supply: electrical.ConstantVoltage = electrical.ConstantVoltage(V=15.0)
+    resistor: electrical.HeatingResistor = electrical.HeatingResistor(R_ref=6.0, T_ref=293.15, alpha=5e-3)
+    switch: electrical.IdealClosingSwitch = electrical.IdealClosingSwitch()
+    ground: electrical.Ground = electrical.Ground()
+    body: thermal.HeatCapacitor = thermal.HeatCapacitor(C=2.0, T=fixed(290.0))
 
     def equations(self) -> Equations:
         yield connect(self.supply.p, self.resistor.p)

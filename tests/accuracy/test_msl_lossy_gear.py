@@ -16,21 +16,13 @@ from tests.accuracy.msl_reference import error_of, read_example
 
 
 class LossyGearDemo1(Component):
-    gear: LossyGear = part()
-    Inertia1: rotational.Inertia = part()
-    Inertia2: rotational.Inertia = part()
-    torque1: rotational.Torque = part()
-    torque2: rotational.Torque = part()
-    drive: blocks.Sine = part()
-    load: blocks.Ramp = part()
-
-    def build(self) -> None:
-        self.gear = LossyGear(ratio=2.0, lossTable=((0.0, 0.5, 0.5, 0.0, 0.0),))
-        self.Inertia1 = rotational.Inertia(J=1.0)
-        self.Inertia2 = rotational.Inertia(J=1.5, phi=fixed(0.0), w=fixed(0.0))
-        self.torque1, self.torque2 = rotational.Torque(), rotational.Torque()
-        self.drive = blocks.Sine(amplitude=10.0, f=1.0)
-        self.load = blocks.Ramp(height=5.0, duration=2.0, offset=-10.0)
+    gear: LossyGear = LossyGear(ratio=2.0, lossTable=((0.0, 0.5, 0.5, 0.0, 0.0),))
+    Inertia1: rotational.Inertia = rotational.Inertia(J=1.0)
+    Inertia2: rotational.Inertia = rotational.Inertia(J=1.5, phi=fixed(0.0), w=fixed(0.0))
+    torque1: rotational.Torque = rotational.Torque()
+    torque2: rotational.Torque = rotational.Torque()
+    drive: blocks.Sine = blocks.Sine(amplitude=10.0, f=1.0)
+    load: blocks.Ramp = blocks.Ramp(height=5.0, duration=2.0, offset=-10.0)
 
     def equations(self) -> Equations:
         yield connect(self.Inertia1.flange_b, self.gear.flange_a)
@@ -59,14 +51,12 @@ class Hoist(Component):
     losses: Losses = structural(default=((0.0, 0.8, 0.6, 0.1, 0.2),))
     drive: rotational.ConstantTorque = part()
     gear: LossyGear = part()
-    load: rotational.Inertia = part()
-    weight: rotational.ConstantTorque = part()
+    load: rotational.Inertia = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
+    weight: rotational.ConstantTorque = rotational.ConstantTorque(tau_constant=-6.0)
 
     def build(self) -> None:
         self.drive = rotational.ConstantTorque(tau_constant=self.tau)
         self.gear = LossyGear(ratio=3.0, lossTable=self.losses)
-        self.load = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
-        self.weight = rotational.ConstantTorque(tau_constant=-6.0)
 
     def equations(self) -> Equations:
         yield connect(self.drive.flange, self.gear.flange_a)
@@ -105,18 +95,14 @@ class Braked(Component):
     u: Real = parameter(unit="N.m", doc="Torque")
     w_0: Real = parameter(unit="rad/s", doc="Speed at the start")
     one: rotational.Inertia = part()
-    gear: LossyGear = part()
-    two: rotational.Inertia = part()
-    spring: rotational.Spring = part()
-    wall: rotational.Fixed = part()
+    gear: LossyGear = LossyGear(ratio=2.0, lossTable=((0.0, 0.9, 0.8, 1.9, 1.9),))
+    two: rotational.Inertia = rotational.Inertia(J=0.5)
+    spring: rotational.Spring = rotational.Spring(c=2.7)
+    wall: rotational.Fixed = rotational.Fixed()
     torque: rotational.Torque = part()
 
     def build(self) -> None:
         self.one = rotational.Inertia(J=0.4, phi=fixed(0.0), w=fixed(self.w_0))
-        self.gear = LossyGear(ratio=2.0, lossTable=((0.0, 0.9, 0.8, 1.9, 1.9),))
-        self.two = rotational.Inertia(J=0.5)
-        self.spring = rotational.Spring(c=2.7)
-        self.wall = rotational.Fixed()
         self.torque = rotational.Torque(u=self.u)
 
     def equations(self) -> Equations:

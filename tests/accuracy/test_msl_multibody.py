@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, part, variable
+from acausal import Component, Equations, Real, connect, der, fixed, guess, parameter, variable
 from acausal.library.multibody import (
     Body,
     BodyBox,
@@ -36,16 +36,10 @@ from tests.accuracy.published import worst_error
 
 
 class MslPendulum(Component):
-    world: World = part()
-    rev: Revolute = part()
-    damper: RotationalDamper = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.rev = Revolute(phi=fixed(0.0), w=fixed(0.0))
-        self.damper = RotationalDamper(d=0.1)
-        self.body = Body(m=1.0, r_CM=(0.5, 0.0, 0.0))
+    world: World = World()
+    rev: Revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
+    damper: RotationalDamper = RotationalDamper(d=0.1)
+    body: Body = Body(m=1.0, r_CM=(0.5, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.rev.frame_a)
@@ -55,20 +49,12 @@ class MslPendulum(Component):
 
 
 class PendulumWithSpringDamper(Component):
-    pivot: Fixed = part()
-    revolute: Revolute = part()
-    prismatic: Prismatic = part()
-    spring: Spring = part()
-    damper: Damper = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.pivot = Fixed(r=(0.3, 0.0, 0.0))
-        self.revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
-        self.prismatic = Prismatic(s=fixed(0.5), v=fixed(0.0))
-        self.spring = Spring(c=20.0, s_unstretched=0.2)
-        self.damper = Damper(d=1.0)
-        self.body = Body(m=1.0, I_11=1.0, I_22=1.0, I_33=1.0)
+    pivot: Fixed = Fixed(r=(0.3, 0.0, 0.0))
+    revolute: Revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
+    prismatic: Prismatic = Prismatic(s=fixed(0.5), v=fixed(0.0))
+    spring: Spring = Spring(c=20.0, s_unstretched=0.2)
+    damper: Damper = Damper(d=1.0)
+    body: Body = Body(m=1.0, I_11=1.0, I_22=1.0, I_33=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.pivot.frame_b, self.revolute.frame_a, self.spring.frame_a, self.damper.frame_a)
@@ -77,20 +63,12 @@ class PendulumWithSpringDamper(Component):
 
 
 class DoublePendulumInitTip(Component):
-    world: World = part()
-    revolute1: Revolute = part()
-    damper: RotationalDamper = part()
-    box1: BodyBox = part()
-    revolute2: Revolute = part()
-    box2: BodyBox = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.revolute1 = Revolute()
-        self.damper = RotationalDamper(d=0.1)
-        self.box1 = BodyBox(r=(0.5, 0.0, 0.0), width=0.06, width_direction=(0.0, 1.0, 0.0))
-        self.revolute2 = Revolute(phi=guess(math.pi / 2))
-        self.box2 = BodyBox(r=(0.5, 0.0, 0.0), width=0.06, width_direction=(0.0, 1.0, 0.0))
+    world: World = World()
+    revolute1: Revolute = Revolute()
+    damper: RotationalDamper = RotationalDamper(d=0.1)
+    box1: BodyBox = BodyBox(r=(0.5, 0.0, 0.0), width=0.06, width_direction=(0.0, 1.0, 0.0))
+    revolute2: Revolute = Revolute(phi=guess(math.pi / 2))
+    box2: BodyBox = BodyBox(r=(0.5, 0.0, 0.0), width=0.06, width_direction=(0.0, 1.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.revolute1.frame_a)
@@ -108,24 +86,14 @@ class DoublePendulumInitTip(Component):
 
 
 class ForceAndTorque(Component):
-    world: World = part()
-    turned: FixedRotation = part()
-    pivot: Fixed = part()
-    revolute1: Revolute = part()
-    revolute2: Revolute = part()
-    body: BodyCylinder = part()
-    force: Force = part()
-    torque: Torque = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.turned = FixedRotation(R_rel=axis_rotation((0, 0, 1), math.radians(30.0)))
-        self.pivot = Fixed(r=(0.0, -0.5, 0.0))
-        self.revolute1 = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
-        self.revolute2 = Revolute(n=(0.0, 1.0, 0.0), phi=fixed(0.0), w=fixed(0.0))
-        self.body = BodyCylinder(r=(1.0, 0.0, 0.0), diameter=0.05)
-        self.force = Force(resolve_in=ResolveIn.FRAME_A, force=(0.0, 1000.0, 0.0))
-        self.torque = Torque(resolve_in=ResolveIn.FRAME_A, torque=(-100.0, 100.0, 0.0))
+    world: World = World()
+    turned: FixedRotation = FixedRotation(R_rel=axis_rotation((0, 0, 1), math.radians(30.0)))
+    pivot: Fixed = Fixed(r=(0.0, -0.5, 0.0))
+    revolute1: Revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
+    revolute2: Revolute = Revolute(n=(0.0, 1.0, 0.0), phi=fixed(0.0), w=fixed(0.0))
+    body: BodyCylinder = BodyCylinder(r=(1.0, 0.0, 0.0), diameter=0.05)
+    force: Force = Force(resolve_in=ResolveIn.FRAME_A, force=(0.0, 1000.0, 0.0))
+    torque: Torque = Torque(resolve_in=ResolveIn.FRAME_A, torque=(-100.0, 100.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.turned.frame_a)
@@ -148,20 +116,12 @@ class UnknownSpring(PartialLineForce):
 
 
 class InitSpringConstant(Component):
-    world: World = part()
-    rev: Revolute = part()
-    damper: RotationalDamper = part()
-    anchor: Fixed = part()
-    spring: UnknownSpring = part()
-    body: BodyShape = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.rev = Revolute(phi=fixed(0.0), w=fixed(0.0), a=fixed(0.0))
-        self.damper = RotationalDamper(d=0.1)
-        self.anchor = Fixed(r=(1.0, 0.2, 0.0))
-        self.spring = UnknownSpring(s_unstretched=0.1)
-        self.body = BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))
+    world: World = World()
+    rev: Revolute = Revolute(phi=fixed(0.0), w=fixed(0.0), a=fixed(0.0))
+    damper: RotationalDamper = RotationalDamper(d=0.1)
+    anchor: Fixed = Fixed(r=(1.0, 0.2, 0.0))
+    spring: UnknownSpring = UnknownSpring(s_unstretched=0.1)
+    body: BodyShape = BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.rev.frame_a)

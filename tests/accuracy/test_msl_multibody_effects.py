@@ -8,26 +8,19 @@ from pathlib import Path
 import numpy as np
 
 import acausal
-from acausal import Component, Equations, Real, connect, fixed, guess, part, sin, time, variable
+from acausal import Component, Equations, Real, connect, fixed, guess, sin, time, variable
 from acausal.library.multibody import Body, BodyCylinder, GearConstraint, RollingWheel, World, WorldTorque
 from tests.accuracy.published import worst_error
 
 
 class GearDrive(Component):
-    world: World = part()
-    gear: GearConstraint = part()
-    shaft_a: BodyCylinder = part()
-    shaft_b: BodyCylinder = part()
-    drive: WorldTorque = part()
+    world: World = World()
+    gear: GearConstraint = GearConstraint(ratio=10.0)
+    shaft_a: BodyCylinder = BodyCylinder(r=(0.4, 0.0, 0.0), diameter=0.1, g_0=(0.0, 0.0, 0.0))
+    shaft_b: BodyCylinder = BodyCylinder(r=(0.4, 0.0, 0.0), diameter=0.2, g_0=(0.0, 0.0, 0.0))
+    drive: WorldTorque = WorldTorque(torque=(2 * sin(2 * math.pi * time), 0.0, 0.0))
     phi: Real = variable(unit="rad", default=fixed(0.0))
     w: Real = variable(unit="rad/s", default=fixed(0.0))
-
-    def build(self) -> None:
-        self.world = World()
-        self.gear = GearConstraint(ratio=10.0)
-        self.shaft_a = BodyCylinder(r=(0.4, 0.0, 0.0), diameter=0.1, g_0=(0.0, 0.0, 0.0))
-        self.shaft_b = BodyCylinder(r=(0.4, 0.0, 0.0), diameter=0.2, g_0=(0.0, 0.0, 0.0))
-        self.drive = WorldTorque(torque=(2 * sin(2 * math.pi * time), 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.gear.bearing)
@@ -58,21 +51,17 @@ def test_gear_in_three_dimensions(reference: Path) -> None:
 class Wheel(Component):
     """A disc that is pushed off with some lean."""
 
-    wheel: RollingWheel = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.wheel = RollingWheel(radius=0.3, n=(0.0, 0.0, 1.0))
-        self.body = Body(
-            m=2.0,
-            I_11=0.12,
-            I_22=0.06,
-            I_33=0.12,
-            g_0=(0.0, 0.0, -9.80665),
-            r_0=guess((0.2, 0.2, 0.3)),
-            Q=fixed((0.0, 0.0, 0.0, 1.0)),
-            w_a=fixed((1.0, 5.0, 0.0)),
-        )
+    wheel: RollingWheel = RollingWheel(radius=0.3, n=(0.0, 0.0, 1.0))
+    body: Body = Body(
+        m=2.0,
+        I_11=0.12,
+        I_22=0.06,
+        I_33=0.12,
+        g_0=(0.0, 0.0, -9.80665),
+        r_0=guess((0.2, 0.2, 0.3)),
+        Q=fixed((0.0, 0.0, 0.0, 1.0)),
+        w_a=fixed((1.0, 5.0, 0.0)),
+    )
 
     def equations(self) -> Equations:
         yield connect(self.wheel.frame_a, self.body.frame_a)

@@ -29,29 +29,22 @@ UPRIGHT = fixed((0.0, 0.0, 0.0, 1.0))
 
 
 class FreeBody(Component):
-    world: World = part()
-    bar2: Fixed = part()
-    spring1: Spring = part()
-    spring2: Spring = part()
-    body: BodyShape = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.bar2 = Fixed(r=(0.8, 0.0, 0.0))
-        self.spring1 = Spring(c=20.0)
-        self.spring2 = Spring(c=20.0)
-        self.body = BodyShape(
-            m=1.0,
-            r=(0.4, 0.0, 0.0),
-            r_CM=(0.2, 0.0, 0.0),
-            I_11=1.0,
-            I_22=1.0,
-            I_33=1.0,
-            r_0=fixed((0.2, -0.5, 0.1)),
-            v_0=REST,
-            w_a=REST,
-            Q=fixed(quaternion(rotation_sequence([math.radians(10.0)] * 3))),
-        )
+    world: World = World()
+    bar2: Fixed = Fixed(r=(0.8, 0.0, 0.0))
+    spring1: Spring = Spring(c=20.0)
+    spring2: Spring = Spring(c=20.0)
+    body: BodyShape = BodyShape(
+        m=1.0,
+        r=(0.4, 0.0, 0.0),
+        r_CM=(0.2, 0.0, 0.0),
+        I_11=1.0,
+        I_22=1.0,
+        I_33=1.0,
+        r_0=fixed((0.2, -0.5, 0.1)),
+        v_0=REST,
+        w_a=REST,
+        Q=fixed(quaternion(rotation_sequence([math.radians(10.0)] * 3))),
+    )
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.spring1.frame_a)
@@ -61,34 +54,24 @@ class FreeBody(Component):
 
 
 class SpringDamperSystem(Component):
-    anchor1: Fixed = part()
-    anchor2: Fixed = part()
-    body1: Body = part()
-    spring1: Spring = part()
-    damper1: Damper = part()
-    p2: Prismatic = part()
-    spring2: Spring = part()
-    body2: Body = part()
-
-    def build(self) -> None:
-        self.anchor1 = Fixed(r=(0.3, 0.0, 0.0))
-        self.anchor2 = Fixed(r=(0.6, 0.0, 0.0))
-        self.body1 = Body(
-            m=1.0,
-            r_CM=(0.0, -0.2, 0.0),
-            I_11=0.1,
-            I_22=0.1,
-            I_33=0.1,
-            r_0=fixed((0.3, -0.2, 0.0)),
-            v_0=REST,
-            w_a=fixed((0.0, 0.0, math.radians(2.0))),
-            Q=UPRIGHT,
-        )
-        self.spring1 = Spring(c=30.0, s_unstretched=0.1)
-        self.damper1 = Damper(d=2.0)
-        self.p2 = Prismatic(n=(0.0, -1.0, 0.0), s=fixed(0.1), v=fixed(0.0))
-        self.spring2 = Spring(c=30.0, s_unstretched=0.1)
-        self.body2 = Body(m=1.0, I_11=0.1, I_22=0.1, I_33=0.1)
+    anchor1: Fixed = Fixed(r=(0.3, 0.0, 0.0))
+    anchor2: Fixed = Fixed(r=(0.6, 0.0, 0.0))
+    body1: Body = Body(
+        m=1.0,
+        r_CM=(0.0, -0.2, 0.0),
+        I_11=0.1,
+        I_22=0.1,
+        I_33=0.1,
+        r_0=fixed((0.3, -0.2, 0.0)),
+        v_0=REST,
+        w_a=fixed((0.0, 0.0, math.radians(2.0))),
+        Q=UPRIGHT,
+    )
+    spring1: Spring = Spring(c=30.0, s_unstretched=0.1)
+    damper1: Damper = Damper(d=2.0)
+    p2: Prismatic = Prismatic(n=(0.0, -1.0, 0.0), s=fixed(0.1), v=fixed(0.0))
+    spring2: Spring = Spring(c=30.0, s_unstretched=0.1)
+    body2: Body = Body(m=1.0, I_11=0.1, I_22=0.1, I_33=0.1)
 
     def equations(self) -> Equations:
         yield connect(self.anchor1.frame_b, self.spring1.frame_a, self.damper1.frame_a)
@@ -98,14 +81,9 @@ class SpringDamperSystem(Component):
 
 
 class HangingMass(Component):
-    world: World = part()
-    spring: SpringWithMass = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.spring = SpringWithMass(c=40.0, s_unstretched=0.2, m=0.5)
-        self.body = Body(m=1.0, r_0=fixed((0.0, -0.3, 0.0)), v_0=REST, w_a=REST, Q=UPRIGHT)
+    world: World = World()
+    spring: SpringWithMass = SpringWithMass(c=40.0, s_unstretched=0.2, m=0.5)
+    body: Body = Body(m=1.0, r_0=fixed((0.0, -0.3, 0.0)), v_0=REST, w_a=REST, Q=UPRIGHT)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.spring.frame_a)
@@ -125,7 +103,7 @@ class PointGravity(Component):
 
 class PointGravityWithPointMasses(Component):
     bodies: list[PointMass] = part()
-    spring: Spring = part()
+    spring: Spring = Spring(c=10.0)
 
     def build(self) -> None:
         places = ((0.0, 0.6, 0.0), (0.6, 0.6, 0.0), (0.0, 0.8, 0.0), (0.3, 0.8, 0.0))
@@ -134,7 +112,6 @@ class PointGravityWithPointMasses(Component):
             PointMass(m=1.0, gravity=point_field(1.0), r_0=fixed(r), v_0=fixed((v, 0.0, 0.0)))
             for r, v in zip(places, speeds, strict=True)
         ]
-        self.spring = Spring(c=10.0)
 
     def equations(self) -> Equations:
         yield connect(self.spring.frame_a, self.bodies[2].frame_a)

@@ -16,24 +16,19 @@ from tests.accuracy.msl_reference import error_of, read_example
 class SwitchWithArc(Component):
     """Electrical_SwitchWithArc: an inductor switched off by an ideal switch, and by one with an arc."""
 
-    source: electrical.ConstantVoltage = part()
-    switch1: electrical.IdealClosingSwitch = part()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=50.0)
+    switch1: electrical.IdealClosingSwitch = electrical.IdealClosingSwitch()
     inductor1: electrical.Inductor = part()
     resistor1: electrical.Resistor = part()
-    switch2: electrical.CloserWithArc = part()
+    switch2: electrical.CloserWithArc = electrical.CloserWithArc(V0=30.0, dVdt=10e3, Vmax=60.0)
     inductor2: electrical.Inductor = part()
     resistor2: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-    pulse: blocks.BooleanPulse = part()
+    ground: electrical.Ground = electrical.Ground()
+    pulse: blocks.BooleanPulse = blocks.BooleanPulse(period=1.0)
 
     def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=50.0)
-        self.switch1 = electrical.IdealClosingSwitch()
-        self.switch2 = electrical.CloserWithArc(V0=30.0, dVdt=10e3, Vmax=60.0)
         self.inductor1, self.inductor2 = (electrical.Inductor(L=0.1, i=0.0) for _ in range(2))
         self.resistor1, self.resistor2 = (electrical.Resistor(R=1.0) for _ in range(2))
-        self.ground = electrical.Ground()
-        self.pulse = blocks.BooleanPulse(period=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.switch1.p, self.switch2.p)
@@ -48,24 +43,18 @@ class SwitchWithArc(Component):
 class DiodeBridge2Pulse(Component):
     """Electrical_DiodeBridge2Pulse: a bridge of four ideal diodes on a resistor, and the means of its output."""
 
-    source: electrical.SineVoltage = part()
+    source: electrical.SineVoltage = electrical.SineVoltage(V=math.sqrt(2.0) * 110.0, f=50.0)
     diodes: list[electrical.IdealDiode] = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-    voltage: electrical.VoltageSensor = part()
-    current: electrical.CurrentSensor = part()
-    meanVoltage: blocks.Mean = part()
-    meanCurrent: blocks.Mean = part()
-    rootMeanSquareVoltage: blocks.RootMeanSquare = part()
+    load: electrical.Resistor = electrical.Resistor(R=20.0)
+    ground: electrical.Ground = electrical.Ground()
+    voltage: electrical.VoltageSensor = electrical.VoltageSensor()
+    current: electrical.CurrentSensor = electrical.CurrentSensor()
+    meanVoltage: blocks.Mean = blocks.Mean(f=100.0)
+    meanCurrent: blocks.Mean = blocks.Mean(f=100.0)
+    rootMeanSquareVoltage: blocks.RootMeanSquare = blocks.RootMeanSquare(f=100.0)
 
     def build(self) -> None:
-        self.source = electrical.SineVoltage(V=math.sqrt(2.0) * 110.0, f=50.0)
         self.diodes = [electrical.IdealDiode() for _ in range(4)]
-        self.load = electrical.Resistor(R=20.0)
-        self.ground = electrical.Ground()
-        self.voltage, self.current = electrical.VoltageSensor(), electrical.CurrentSensor()
-        self.meanVoltage, self.meanCurrent = blocks.Mean(f=100.0), blocks.Mean(f=100.0)
-        self.rootMeanSquareVoltage = blocks.RootMeanSquare(f=100.0)
 
     def equations(self) -> Equations:
         up1, up2, down1, down2 = self.diodes

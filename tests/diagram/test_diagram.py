@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import acausal
-from acausal import Component, Connector, Equations, Real, connect, flow, part, signal_input, signal_output, variable
+from acausal import Component, Connector, Equations, Real, connect, flow, signal_input, signal_output, variable
 from acausal.diagram.graph import graph_of
 from acausal.errors import UsageError
 from acausal.library.blocks import Gain, Sine
@@ -172,10 +172,7 @@ def test_values_that_were_given_are_shown() -> None:
         source: StepVoltage = StepVoltage(V=10.0)
         R1: Resistor = Resistor(R=47.0)
         C1: Capacitor = Capacitor(C=1e-6)
-        ground: Ground = part()
-
-        def build(self) -> None:
-            self.ground = Ground()
+        ground: Ground = Ground()
 
         def equations(self) -> Equations:
             yield connect(self.source.p, self.R1.p)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, der, part
+from acausal import Component, Equations, connect, der
 from acausal.errors import DeclarationError
 from acausal.library.blocks import (
     PI,
@@ -39,24 +39,14 @@ TABLE = ((0.0, 1.0), (1.0, 3.0), (1.0, 0.0), (2.0, 0.0), (4.0, -2.0))
 class Sources(Component):
     """Every source, and the integral of those with jumps."""
 
-    clock: ContinuousClock = part()
-    step: Step = part()
-    ramp: Ramp = part()
-    sine: Sine = part()
-    pulse: Pulse = part()
-    table: TimeTable = part()
-    pulse_integral: Integrator = part()
-    table_integral: Integrator = part()
-
-    def build(self) -> None:
-        self.clock = ContinuousClock(offset=1.0, start_time=0.5)
-        self.step = Step(height=2.0, offset=-1.0, start_time=1.0)
-        self.ramp = Ramp(height=3.0, duration=2.0, offset=1.0, start_time=0.5)
-        self.sine = Sine(amplitude=2.0, f=0.25, phase=0.1, offset=0.5, start_time=1.0)
-        self.pulse = Pulse(amplitude=2.0, width=0.25, period=1.0, nperiod=3, offset=0.5, start_time=0.5)
-        self.table = TimeTable(table=TABLE, offset=10.0, start_time=0.5)
-        self.pulse_integral = Integrator(y=0.0)
-        self.table_integral = Integrator(y=0.0)
+    clock: ContinuousClock = ContinuousClock(offset=1.0, start_time=0.5)
+    step: Step = Step(height=2.0, offset=-1.0, start_time=1.0)
+    ramp: Ramp = Ramp(height=3.0, duration=2.0, offset=1.0, start_time=0.5)
+    sine: Sine = Sine(amplitude=2.0, f=0.25, phase=0.1, offset=0.5, start_time=1.0)
+    pulse: Pulse = Pulse(amplitude=2.0, width=0.25, period=1.0, nperiod=3, offset=0.5, start_time=0.5)
+    table: TimeTable = TimeTable(table=TABLE, offset=10.0, start_time=0.5)
+    pulse_integral: Integrator = Integrator(y=0.0)
+    table_integral: Integrator = Integrator(y=0.0)
 
     def equations(self) -> Equations:
         yield connect(self.pulse.y, self.pulse_integral.u)
@@ -124,28 +114,16 @@ def test_a_wrong_table_is_refused(table: tuple[tuple[float, ...], ...]) -> None:
 class Arithmetic(Component):
     """All algebraic blocks on the two numbers 3 and -2."""
 
-    a: Constant = part()
-    b: Constant = part()
-    gain: Gain = part()
-    add: Add = part()
-    add3: Add3 = part()
-    product: Product = part()
-    division: Division = part()
-    feedback: Feedback = part()
-    above: Limiter = part()
-    below: Limiter = part()
-
-    def build(self) -> None:
-        self.a = Constant(k=3.0)
-        self.b = Constant(k=-2.0)
-        self.gain = Gain(k=4.0)
-        self.add = Add(k2=10.0)
-        self.add3 = Add3(k3=100.0)
-        self.product = Product()
-        self.division = Division()
-        self.feedback = Feedback()
-        self.above = Limiter(u_max=2.5)
-        self.below = Limiter(u_max=5.0, u_min=-1.0)
+    a: Constant = Constant(k=3.0)
+    b: Constant = Constant(k=-2.0)
+    gain: Gain = Gain(k=4.0)
+    add: Add = Add(k2=10.0)
+    add3: Add3 = Add3(k3=100.0)
+    product: Product = Product()
+    division: Division = Division()
+    feedback: Feedback = Feedback()
+    above: Limiter = Limiter(u_max=2.5)
+    below: Limiter = Limiter(u_max=5.0, u_min=-1.0)
 
     def equations(self) -> Equations:
         two = (self.add, self.product, self.division, self.feedback)
@@ -171,20 +149,12 @@ def test_algebraic_blocks() -> None:
 class Lags(Component):
     """Step into lags of first and second order, ramp into derivatives."""
 
-    step: Step = part()
-    ramp: Ramp = part()
-    first: FirstOrder = part()
-    second: SecondOrder = part()
-    derivative: Derivative = part()
-    exact: Der = part()
-
-    def build(self) -> None:
-        self.step = Step(start_time=0.5)
-        self.ramp = Ramp(height=20.0, duration=10.0)
-        self.first = FirstOrder(k=2.0, T=0.3, y=0.5)
-        self.second = SecondOrder(k=3.0, w=5.0, D=0.4, y=0.0, yd=0.0)
-        self.derivative = Derivative(k=1.5, T=0.2, x=0.0)
-        self.exact = Der()
+    step: Step = Step(start_time=0.5)
+    ramp: Ramp = Ramp(height=20.0, duration=10.0)
+    first: FirstOrder = FirstOrder(k=2.0, T=0.3, y=0.5)
+    second: SecondOrder = SecondOrder(k=3.0, w=5.0, D=0.4, y=0.0, yd=0.0)
+    derivative: Derivative = Derivative(k=1.5, T=0.2, x=0.0)
+    exact: Der = Der()
 
     def equations(self) -> Equations:
         yield connect(self.step.y, self.first.u, self.second.u)
@@ -207,16 +177,10 @@ def test_lags_answer_as_their_transfer_functions() -> None:
 class ClosedLoop(Component):
     """PI controller whose zero cancels the pole of the plant: the loop is a lag of first order, T/k."""
 
-    reference: Step = part()
-    comparison: Feedback = part()
-    controller: PI = part()
-    plant: FirstOrder = part()
-
-    def build(self) -> None:
-        self.reference = Step(height=1.0)
-        self.comparison = Feedback()
-        self.controller = PI(k=4.0, T=2.0, x=0.0)
-        self.plant = FirstOrder(T=2.0, y=0.0)
+    reference: Step = Step(height=1.0)
+    comparison: Feedback = Feedback()
+    controller: PI = PI(k=4.0, T=2.0, x=0.0)
+    plant: FirstOrder = FirstOrder(T=2.0, y=0.0)
 
     def equations(self) -> Equations:
         yield connect(self.reference.y, self.comparison.u1)

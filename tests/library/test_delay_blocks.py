@@ -8,25 +8,18 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, part
+from acausal import Component, Equations, connect
 from acausal.library.blocks import FixedDelay, PadeDelay, Ramp, Sine, Step, VariableDelay
 
 
 class Bench(Component):
     """One sine through three delays of 0.3 s, one of which grows from 0.1 s at 0.1 s/s."""
 
-    source: Sine = part()
-    fixed: FixedDelay = part()
-    varying: VariableDelay = part()
-    pade: PadeDelay = part()
-    length: Ramp = part()
-
-    def build(self) -> None:
-        self.source = Sine(f=0.5)
-        self.fixed = FixedDelay(delay_time=0.3)
-        self.varying = VariableDelay(delay_max=2.0)
-        self.pade = PadeDelay(delay_time=0.3, n=4)
-        self.length = Ramp(height=1.0, duration=10.0, offset=0.1)
+    source: Sine = Sine(f=0.5)
+    fixed: FixedDelay = FixedDelay(delay_time=0.3)
+    varying: VariableDelay = VariableDelay(delay_max=2.0)
+    pade: PadeDelay = PadeDelay(delay_time=0.3, n=4)
+    length: Ramp = Ramp(height=1.0, duration=10.0, offset=0.1)
 
     def equations(self) -> Equations:
         yield connect(self.source.y, self.fixed.u, self.varying.u, self.pade.u)
@@ -46,12 +39,8 @@ def test_a_sine_through_all_of_them() -> None:
 class Jump(Component):
     """A step into an approximation whose numerator is of lower order."""
 
-    source: Step = part()
-    pade: PadeDelay = part()
-
-    def build(self) -> None:
-        self.source = Step(start_time=1.0)
-        self.pade = PadeDelay(delay_time=1.0, n=2, m=1)
+    source: Step = Step(start_time=1.0)
+    pade: PadeDelay = PadeDelay(delay_time=1.0, n=2, m=1)
 
     def equations(self) -> Equations:
         yield connect(self.source.y, self.pade.u)

@@ -26,19 +26,18 @@ class PulledDrill(Component):
     F: Real = parameter(default=100.0, unit="N")
     m: Real = parameter(default=2.0, unit="kg")
 
-    world: World = part()
+    world: World = World(g=0.0)
     slide: Prismatic = part()
     feed: Prismatic = part()
     spindle: Revolute = part()
     body: Body = part()
     scene: ContactScene = part()
-    down: Position = part()
+    down: Position = Position(s_ref=where(time < 10.5, 2e-3 * time - 1e-3, DEPTH))
     pull: Force = part()
-    speed: Speed = part()
+    speed: Speed = Speed(w_ref=2 * math.pi * 9.28)
     balance: EnergyBalance = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
         self.slide = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(0.0), v=fixed(0.0))
         self.feed = Prismatic(n=(0.0, 0.0, 1.0))
         self.spindle = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0))
@@ -49,11 +48,9 @@ class PulledDrill(Component):
         )
         drill = DrillBody(name="drill", wanders=False, settings=settings)
         self.scene = ContactScene(bodies=(drill, block))
-        self.down = Position(s_ref=where(time < 10.5, 2e-3 * time - 1e-3, DEPTH))
         self.pull = Force(
             u=where(time < 11.0, 0.0, where(time < 11.5, self.F * (time - 11.0) / quantity(0.5, "s"), self.F))
         )
-        self.speed = Speed(w_ref=2 * math.pi * 9.28)
         self.balance = EnergyBalance(
             P_source=self.feed.f * self.feed.v + self.slide.f * self.slide.v + self.spindle.tau * self.spindle.w,
             P_cutting=self.scene.power_cutting,

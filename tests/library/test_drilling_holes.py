@@ -103,26 +103,18 @@ def test_pose_of_the_shape_counts() -> None:
 class Gantry(Component):
     """A drill that comes from the side, drills 3 mm deep, and goes 4.1 mm aside to do it again, without a scene."""
 
-    world: World = part()
-    beam: Prismatic = part()
-    slide: Prismatic = part()
-    spindle: Revolute = part()
-    drill: DrillingForce = part()
-    across: TimeTable = part()
-    down: TimeTable = part()
-    beam_drive: Position = part()
-    feed_drive: Position = part()
-    speed: Speed = part()
-
-    def build(self) -> None:
-        self.world = World(g=0.0)
-        self.beam, self.slide = Prismatic(n=(1.0, 0.0, 0.0)), Prismatic(n=DOWN)
-        self.spindle = Revolute(n=DOWN, phi=fixed(0.0))
-        self.drill = DrillingForce(t=0.05, k=1e8, d_c=2e4)
-        self.across = TimeTable(table=((0.0, -0.02), (1.0, 0.0), (4.0, 0.0), (5.0, 0.0041), (7.0, 0.0041)))
-        self.down = TimeTable(table=((0.0, -1e-3), (1.0, -1e-3), (3.0, 3e-3), (4.0, -1e-3), (5.0, -1e-3), (7.0, 3e-3)))
-        self.beam_drive, self.feed_drive = Position(), Position()
-        self.speed = Speed(w_ref=2 * math.pi * 9.28)
+    world: World = World(g=0.0)
+    beam: Prismatic = Prismatic(n=(1.0, 0.0, 0.0))
+    slide: Prismatic = Prismatic(n=DOWN)
+    spindle: Revolute = Revolute(n=DOWN, phi=fixed(0.0))
+    drill: DrillingForce = DrillingForce(t=0.05, k=1e8, d_c=2e4)
+    across: TimeTable = TimeTable(table=((0.0, -0.02), (1.0, 0.0), (4.0, 0.0), (5.0, 0.0041), (7.0, 0.0041)))
+    down: TimeTable = TimeTable(
+        table=((0.0, -1e-3), (1.0, -1e-3), (3.0, 3e-3), (4.0, -1e-3), (5.0, -1e-3), (7.0, 3e-3))
+    )
+    beam_drive: Position = Position()
+    feed_drive: Position = Position()
+    speed: Speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.beam.frame_a, self.drill.frame_w)
@@ -236,7 +228,7 @@ def test_holes_of_forces_outside_of_scenes_are_told_where_they_overlap(apart: fl
 class TwoInAScene(Component):
     """A drill with one hole in a plate, and one that comes from the side when the first has been drawn out."""
 
-    world: World = part()
+    world: World = World(g=0.0)
     scene: ContactScene = part()
     beams: list[Prismatic] = part()
     slides: list[Prismatic] = part()
@@ -249,7 +241,6 @@ class TwoInAScene(Component):
     speeds: list[Speed] = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
         self.across = [
             TimeTable(table=((0.4, -0.03), (0.5, 0.0), (1.0, 0.0))),
             TimeTable(table=((0.4, 1.9e-3), (0.5, 1.9e-3))),

@@ -18,23 +18,19 @@ class Given(Component):
     """A drill that turns and moves 2 mm/s into a plate, steadily or to and fro with 1 rad/s."""
 
     returns: bool = structural()
-    world: World = part()
-    slide: Prismatic = part()
-    spindle: Revolute = part()
+    world: World = World(g=0.0)
+    slide: Prismatic = Prismatic(n=AXIS, s=fixed(-1e-3))
+    spindle: Revolute = Revolute(n=AXIS, phi=fixed(0.0))
     drill: KinematicDrillingForce = part()
     workpiece: Workpiece = part()
     feed: Speed = part()
-    turning: TurningSpeed = part()
+    turning: TurningSpeed = TurningSpeed(w_ref=60.0)
 
     def build(self) -> None:
         rate = quantity(2e-3, "m/s")
-        self.world = World(g=0.0)
-        self.slide = Prismatic(n=AXIS, s=fixed(-1e-3))
-        self.spindle = Revolute(n=AXIS, phi=fixed(0.0))
         self.workpiece = Workpiece(t=0.05)
         self.drill = KinematicDrillingForce(t=self.workpiece.t)
         self.feed = Speed(v_ref=rate * sin(quantity(1.0, "1/s") * time) if self.returns else rate * 1.0)
-        self.turning = TurningSpeed(w_ref=60.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.slide.frame_a, self.workpiece.frame_a)

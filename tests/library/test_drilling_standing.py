@@ -24,17 +24,11 @@ FORCE, K = 1500.0, 1e8
 class Pressed(Component):
     """A drill of 5 kg on a guide is pushed with 1500 N into a plate 1 mm below it, without a spindle."""
 
-    world: World = part()
-    slide: Prismatic = part()
-    body: Body = part()
-    drill: DrillingForce = part()
-    force: Force = part()
-
-    def build(self) -> None:
-        self.world, self.body = World(g=0.0), Body(m=5.0)
-        self.slide = Prismatic(n=(0.0, 0.0, 1.0), s=fixed(-1e-3), v=fixed(0.0))
-        self.drill = DrillingForce(t=0.05, k=K, d_c=2e4)
-        self.force = Force(u=FORCE)
+    world: World = World(g=0.0)
+    slide: Prismatic = Prismatic(n=(0.0, 0.0, 1.0), s=fixed(-1e-3), v=fixed(0.0))
+    body: Body = Body(m=5.0)
+    drill: DrillingForce = DrillingForce(t=0.05, k=K, d_c=2e4)
+    force: Force = Force(u=FORCE)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.slide.frame_a, self.drill.frame_w)
@@ -45,23 +39,20 @@ class Pressed(Component):
 class TurningTogether(Component):
     """The same drill on a spindle with 9.28 1/s, above a plate that turns as fast."""
 
-    world: World = part()
+    world: World = World(g=0.0)
     slide: Prismatic = part()
     spindle: Revolute = part()
     table: Revolute = part()
-    body: Body = part()
-    drill: DrillingForce = part()
-    force: Force = part()
+    body: Body = Body(m=5.0)
+    drill: DrillingForce = DrillingForce(t=0.05, k=K, d_c=2e4)
+    force: Force = Force(u=FORCE)
     speed: Speed = part()
     table_speed: Speed = part()
 
     def build(self) -> None:
         up = (0.0, 0.0, 1.0)
-        self.world, self.body = World(g=0.0), Body(m=5.0)
         self.slide = Prismatic(n=up, s=fixed(-1e-3), v=fixed(0.0))
         self.spindle, self.table = Revolute(n=up, phi=fixed(0.0)), Revolute(n=up, phi=fixed(0.0))
-        self.drill = DrillingForce(t=0.05, k=K, d_c=2e4)
-        self.force = Force(u=FORCE)
         self.speed, self.table_speed = (Speed(w_ref=2 * math.pi * 9.28) for _ in range(2))
 
     def equations(self) -> Equations:

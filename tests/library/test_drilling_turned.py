@@ -33,7 +33,7 @@ class Turned(Component):
     slide: Prismatic = part()
     body: Body = part()
     spindle: Revolute = part()
-    drill: DrillingForce = part()
+    drill: DrillingForce = DrillingForce(t=0.05, k=1e8, d_c=2e4)
     force: Force = part()
     speed: Speed = part()
 
@@ -42,7 +42,6 @@ class Turned(Component):
         self.world, self.base, self.body = World(g=0.0), FixedRotation(R_rel=self.R), Body(m=5.0)
         self.slide = Prismatic(n=axis, s=fixed(-1e-3), v=fixed(0.0))
         self.spindle = Revolute(n=axis, phi=fixed(0.0))
-        self.drill = DrillingForce(t=0.05, k=1e8, d_c=2e4)
         self.force, self.speed = Force(u=self.push), Speed(w_ref=2 * math.pi * 10.0)
 
     def equations(self) -> Equations:

@@ -51,22 +51,13 @@ def test_charging_of_a_capacitor() -> None:
 class SeriesRLC(Component):
     """Voltage step on a resistor, an inductor and a capacitor; a second step on resistor and inductor alone."""
 
-    source: StepVoltage = part()
-    resistor: Resistor = part()
-    inductor: Inductor = part()
-    capacitor: Capacitor = part()
-    resistor2: Resistor = part()
-    inductor2: Inductor = part()
-    ground: Ground = part()
-
-    def build(self) -> None:
-        self.source = StepVoltage(V=10.0, start_time=0.5)
-        self.resistor = Resistor(R=2.0)
-        self.inductor = Inductor(L=0.5, i=0.0)
-        self.capacitor = Capacitor(C=0.02, v=0.0)
-        self.resistor2 = Resistor(R=2.0)
-        self.inductor2 = Inductor(L=0.5, i=0.0)
-        self.ground = Ground()
+    source: StepVoltage = StepVoltage(V=10.0, start_time=0.5)
+    resistor: Resistor = Resistor(R=2.0)
+    inductor: Inductor = Inductor(L=0.5, i=0.0)
+    capacitor: Capacitor = Capacitor(C=0.02, v=0.0)
+    resistor2: Resistor = Resistor(R=2.0)
+    inductor2: Inductor = Inductor(L=0.5, i=0.0)
+    ground: Ground = Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.resistor.p, self.resistor2.p)
@@ -90,24 +81,16 @@ def test_rlc_and_rl_step() -> None:
 class Bridge(Component):
     """Unbalanced Wheatstone bridge with a resistor in the middle, and ideal meters."""
 
-    source: ConstantVoltage = part()
-    r1: Resistor = part()
-    r2: Resistor = part()
-    r3: Resistor = part()
-    r4: Conductor = part()
-    middle: Resistor = part()
-    current: CurrentSensor = part()
-    voltage: VoltageSensor = part()
-    potential: PotentialSensor = part()
-    ground: Ground = part()
-
-    def build(self) -> None:
-        self.source = ConstantVoltage(V=12.0)
-        self.r1, self.r2, self.r3 = Resistor(R=100.0), Resistor(R=200.0), Resistor(R=300.0)
-        self.r4 = Conductor(G=1.0 / 400.0)
-        self.middle = Resistor(R=50.0)
-        self.current, self.voltage, self.potential = CurrentSensor(), VoltageSensor(), PotentialSensor()
-        self.ground = Ground()
+    source: ConstantVoltage = ConstantVoltage(V=12.0)
+    r1: Resistor = Resistor(R=100.0)
+    r2: Resistor = Resistor(R=200.0)
+    r3: Resistor = Resistor(R=300.0)
+    r4: Conductor = Conductor(G=1.0 / 400.0)
+    middle: Resistor = Resistor(R=50.0)
+    current: CurrentSensor = CurrentSensor()
+    voltage: VoltageSensor = VoltageSensor()
+    potential: PotentialSensor = PotentialSensor()
+    ground: Ground = Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.current.p)
@@ -131,16 +114,10 @@ def test_wheatstone_bridge() -> None:
 class Transformed(Component):
     """Ideal transformer with a load on its secondary side; both sides are grounded."""
 
-    source: SineVoltage = part()
-    transformer: IdealTransformer = part()
-    load: Resistor = part()
-    ground: Ground = part()
-
-    def build(self) -> None:
-        self.source = SineVoltage(V=10.0, f=50.0)
-        self.transformer = IdealTransformer(n=4.0)
-        self.load = Resistor(R=5.0)
-        self.ground = Ground()
+    source: SineVoltage = SineVoltage(V=10.0, f=50.0)
+    transformer: IdealTransformer = IdealTransformer(n=4.0)
+    load: Resistor = Resistor(R=5.0)
+    ground: Ground = Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.transformer.p1)
@@ -160,15 +137,12 @@ class Rectifier(Component):
 
     V: Real = parameter(default=2.0, unit="V")
     source: SineVoltage = part()
-    diode: Diode = part()
-    load: Resistor = part()
-    ground: Ground = part()
+    diode: Diode = Diode()
+    load: Resistor = Resistor(R=100.0)
+    ground: Ground = Ground()
 
     def build(self) -> None:
         self.source = SineVoltage(V=self.V, f=1.0)
-        self.diode = Diode()
-        self.load = Resistor(R=100.0)
-        self.ground = Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.diode.p)
@@ -199,8 +173,8 @@ class Sources(Component):
 
     sources: list[Any] = part()
     resistors: list[Resistor] = part()
-    ground: Ground = part()
-    level: Constant = part()
+    ground: Ground = Ground()
+    level: Constant = Constant(k=5.0)
 
     def build(self) -> None:
         self.sources = [
@@ -216,8 +190,6 @@ class Sources(Component):
             SignalCurrent(u=-5.0),
         ]
         self.resistors = [Resistor(R=2.0) for _ in self.sources]
-        self.ground = Ground()
-        self.level = Constant(k=5.0)
 
     def equations(self) -> Equations:
         for source, resistor in zip(self.sources, self.resistors, strict=True):

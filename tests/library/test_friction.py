@@ -50,14 +50,9 @@ def test_a_shaft_lets_go_at_the_peak_and_slides_with_less() -> None:
 class TwoShafts(Component):
     """One turning, one at rest, and a clutch between them."""
 
-    first: rotational.Inertia = part()
-    clutch: rotational.Clutch = part()
-    second: rotational.Inertia = part()
-
-    def build(self) -> None:
-        self.first = rotational.Inertia(J=1.0, phi=0.0, w=10.0)
-        self.second = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
-        self.clutch = rotational.Clutch(fn_max=10.0, f_normalized=where(time < 0.5, 0.0, 1.0))
+    first: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=10.0)
+    clutch: rotational.Clutch = rotational.Clutch(fn_max=10.0, f_normalized=where(time < 0.5, 0.0, 1.0))
+    second: rotational.Inertia = rotational.Inertia(J=1.0, phi=0.0, w=0.0)
 
     def equations(self) -> Equations:
         yield connect(self.first.flange_b, self.clutch.flange_a)
@@ -77,12 +72,8 @@ def test_a_clutch_makes_two_speeds_one() -> None:
 class Block(Component):
     """Mass with a brake that is pressed from t = 1 on."""
 
-    mass: translational.Mass = part()
-    brake: translational.Brake = part()
-
-    def build(self) -> None:
-        self.mass = translational.Mass(m=1.0, s=0.0, v=3.0)
-        self.brake = translational.Brake(fn_max=10.0, f_normalized=where(time < 1.0, 0.0, 1.0))
+    mass: translational.Mass = translational.Mass(m=1.0, s=0.0, v=3.0)
+    brake: translational.Brake = translational.Brake(fn_max=10.0, f_normalized=where(time < 1.0, 0.0, 1.0))
 
     def equations(self) -> Equations:
         yield connect(self.mass.flange_b, self.brake.flange_a)
@@ -99,12 +90,8 @@ def test_a_brake_stops_a_mass() -> None:
 class Dropped(Component):
     """Mass that falls on the ground, lies there, and is pulled up from t = 3 on."""
 
-    body: translational.BouncingMass = part()
-    force: translational.Force = part()
-
-    def build(self) -> None:
-        self.body = translational.BouncingMass(m=1.0, e=0.5, s=1.0, v=0.0)
-        self.force = translational.Force(u=where(time < 3.0, -10.0, 2.0))
+    body: translational.BouncingMass = translational.BouncingMass(m=1.0, e=0.5, s=1.0, v=0.0)
+    force: translational.Force = translational.Force(u=where(time < 3.0, -10.0, 2.0))
 
     def equations(self) -> Equations:
         yield connect(self.force.flange, self.body.flange_b)
@@ -123,14 +110,9 @@ def test_a_dropped_mass_bounces_lies_and_is_lifted() -> None:
 class Play(Component):
     """Mass in a play of 0.2 m between two undamped ends."""
 
-    mass: translational.Mass = part()
-    wall: translational.Fixed = part()
-    backlash: translational.Backlash = part()
-
-    def build(self) -> None:
-        self.mass = translational.Mass(m=1.0, s=0.0, v=1.0)
-        self.wall = translational.Fixed()
-        self.backlash = translational.Backlash(c=1e4, d=0.0, b=0.2)
+    mass: translational.Mass = translational.Mass(m=1.0, s=0.0, v=1.0)
+    wall: translational.Fixed = translational.Fixed()
+    backlash: translational.Backlash = translational.Backlash(c=1e4, d=0.0, b=0.2)
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.backlash.flange_a)

@@ -15,38 +15,21 @@ from acausal.library import blocks
 class Board(Component):
     """A sine of 1 Hz and a row of pulses, through every kind of hybrid block."""
 
-    sine: blocks.Sine = part()
-    pulse: blocks.BooleanPulse = part()
-    table: blocks.BooleanTable = part()
-    switch: blocks.Switch = part()
-    hysteresis: blocks.Hysteresis = part()
-    controller: blocks.OnOffController = part()
-    flip_flop: blocks.RSFlipFlop = part()
-    triggered: blocks.TriggeredSampler = part()
-    delay: blocks.UnitDelay = part()
-    hold: blocks.ZeroOrderHold = part()
-    first_order: blocks.FirstOrderHold = part()
-    noise: blocks.UniformNoise = part()
-    normal: blocks.NormalNoise = part()
-    relay: blocks.Relay = part()
-    dead_zone: blocks.DeadZone = part()
-
-    def build(self) -> None:
-        self.sine = blocks.Sine(f=1.0)
-        self.pulse = blocks.BooleanPulse(period=0.3, width=0.25, start_time=0.1)
-        self.table = blocks.BooleanTable(table=(0.2, 0.45, 0.9))
-        self.switch = blocks.Switch(u1=1.0, u3=-2.0)
-        self.hysteresis = blocks.Hysteresis(u_low=-0.5, u_high=0.5)
-        self.controller = blocks.OnOffController(bandwidth=0.4, reference=0.3)
-        self.flip_flop = blocks.RSFlipFlop()
-        self.triggered = blocks.TriggeredSampler()
-        self.delay = blocks.UnitDelay(sample_period=0.1, y_start=5.0)
-        self.hold = blocks.ZeroOrderHold(sample_period=0.1)
-        self.first_order = blocks.FirstOrderHold(sample_period=0.1)
-        self.noise = blocks.UniformNoise(sample_period=0.05, seed=3)
-        self.normal = blocks.NormalNoise(sample_period=0.05, seed=3, mu=1.0, sigma=2.0)
-        self.relay = blocks.Relay(u_low=-0.2, u_high=0.2, y_on=3.0)
-        self.dead_zone = blocks.DeadZone(u_max=0.5)
+    sine: blocks.Sine = blocks.Sine(f=1.0)
+    pulse: blocks.BooleanPulse = blocks.BooleanPulse(period=0.3, width=0.25, start_time=0.1)
+    table: blocks.BooleanTable = blocks.BooleanTable(table=(0.2, 0.45, 0.9))
+    switch: blocks.Switch = blocks.Switch(u1=1.0, u3=-2.0)
+    hysteresis: blocks.Hysteresis = blocks.Hysteresis(u_low=-0.5, u_high=0.5)
+    controller: blocks.OnOffController = blocks.OnOffController(bandwidth=0.4, reference=0.3)
+    flip_flop: blocks.RSFlipFlop = blocks.RSFlipFlop()
+    triggered: blocks.TriggeredSampler = blocks.TriggeredSampler()
+    delay: blocks.UnitDelay = blocks.UnitDelay(sample_period=0.1, y_start=5.0)
+    hold: blocks.ZeroOrderHold = blocks.ZeroOrderHold(sample_period=0.1)
+    first_order: blocks.FirstOrderHold = blocks.FirstOrderHold(sample_period=0.1)
+    noise: blocks.UniformNoise = blocks.UniformNoise(sample_period=0.05, seed=3)
+    normal: blocks.NormalNoise = blocks.NormalNoise(sample_period=0.05, seed=3, mu=1.0, sigma=2.0)
+    relay: blocks.Relay = blocks.Relay(u_low=-0.2, u_high=0.2, y_on=3.0)
+    dead_zone: blocks.DeadZone = blocks.DeadZone(u_max=0.5)
 
     def equations(self) -> Equations:
         yield connect(self.pulse.y, self.switch.u2, self.triggered.trigger, self.flip_flop.S)
@@ -134,16 +117,10 @@ def test_noise_is_the_same_in_every_run_and_in_its_range(run: acausal.Result) ->
 class Begun(Component):
     """Blocks with a memory of time, behind a sine of 1 Hz."""
 
-    sine: blocks.Sine = part()
-    pulse: blocks.Pulse = part()
-    mean: blocks.Mean = part()
-    hold: blocks.FirstOrderHold = part()
-
-    def build(self) -> None:
-        self.sine = blocks.Sine(f=1.0, phase=1.0, start_time=-10.0)
-        self.pulse = blocks.Pulse(period=0.7, width=0.5, start_time=-0.2)
-        self.mean = blocks.Mean(f=0.8)
-        self.hold = blocks.FirstOrderHold(sample_period=0.1)
+    sine: blocks.Sine = blocks.Sine(f=1.0, phase=1.0, start_time=-10.0)
+    pulse: blocks.Pulse = blocks.Pulse(period=0.7, width=0.5, start_time=-0.2)
+    mean: blocks.Mean = blocks.Mean(f=0.8)
+    hold: blocks.FirstOrderHold = blocks.FirstOrderHold(sample_period=0.1)
 
     def equations(self) -> Equations:
         yield connect(self.sine.y, self.mean.u, self.hold.u)
@@ -170,11 +147,8 @@ class Triggered(Component):
     """A sampler of 7 + t behind a source that is true when the run begins."""
 
     source: Component = part()
-    sampler: blocks.TriggeredSampler = part()
+    sampler: blocks.TriggeredSampler = blocks.TriggeredSampler(y_start=-5.0, u=7.0 + time)
     y: Real = boolean()
-
-    def build(self) -> None:
-        self.sampler = blocks.TriggeredSampler(y_start=-5.0, u=7.0 + time)
 
     def equations(self) -> Equations:
         row = isinstance(self.source, blocks.Pulse)

@@ -208,14 +208,9 @@ def test_loads_between_bodies_move_neither_momentum_nor_spin(kind: type[Componen
 class Molecule(Component):
     """Two point masses on a spring: points have no orientation, and need none."""
 
-    one: PointMass = part()
-    two: PointMass = part()
-    spring: Spring = part()
-
-    def build(self) -> None:
-        self.one = PointMass(m=1.0, g_0=WEIGHTLESS, r_0=REST, v_0=REST)
-        self.two = PointMass(m=3.0, g_0=WEIGHTLESS, r_0=fixed((0.0, 0.6, 0.8)), v_0=REST)
-        self.spring = Spring(c=12.0, s_unstretched=0.7)
+    one: PointMass = PointMass(m=1.0, g_0=WEIGHTLESS, r_0=REST, v_0=REST)
+    two: PointMass = PointMass(m=3.0, g_0=WEIGHTLESS, r_0=fixed((0.0, 0.6, 0.8)), v_0=REST)
+    spring: Spring = Spring(c=12.0, s_unstretched=0.7)
 
     def equations(self) -> Equations:
         yield connect(self.spring.frame_a, self.one.frame_a)
@@ -307,13 +302,12 @@ def test_a_rod_turns_where_a_body_or_a_joint_says_how() -> None:
 class OnABallJoint(Component):
     """A body turns about a point beside its centre of mass."""
 
-    world: World = part()
-    ball: Spherical = part()
+    world: World = World()
+    ball: Spherical = Spherical()
     body: Body = part()
     across: float = structural(default=0.0)
 
     def build(self) -> None:
-        self.world, self.ball = World(), Spherical()
         self.body = Body(
             m=2.0, r_CM=(0.3, self.across, 0.0), I_11=0.02, I_22=0.03, I_33=0.04, Q=UPRIGHT, w_a=fixed((1.0, 2.0, 3.0))
         )

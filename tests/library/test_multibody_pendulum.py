@@ -94,16 +94,10 @@ def test_double_pendulum_keeps_its_energy() -> None:
 class Rail(Component):
     """A bar on a slider without mass or friction: nothing pushes it sideways."""
 
-    world: World = part()
-    prismatic: Prismatic = part()
-    revolute: Revolute = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.prismatic = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(0.0), v=fixed(0.0))
-        self.revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
-        self.body = Body(m=1.0, r_CM=(LENGTH, 0.0, 0.0), I_33=0.02)
+    world: World = World()
+    prismatic: Prismatic = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(0.0), v=fixed(0.0))
+    revolute: Revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
+    body: Body = Body(m=1.0, r_CM=(LENGTH, 0.0, 0.0), I_33=0.02)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.prismatic.frame_a)
@@ -126,18 +120,11 @@ def test_the_centre_of_mass_on_a_rail_falls_straight_down() -> None:
 
 
 class Cut(Component):
-    world: World = part()
-    force: CutForce = part()
-    torque: CutTorque = part()
-    revolute: Revolute = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.force = CutForce()
-        self.torque = CutTorque()
-        self.revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
-        self.body = Body(m=1.0, r_CM=(LENGTH, 0.0, 0.1))
+    world: World = World()
+    force: CutForce = CutForce()
+    torque: CutTorque = CutTorque()
+    revolute: Revolute = Revolute(phi=fixed(0.0), w=fixed(0.0))
+    body: Body = Body(m=1.0, r_CM=(LENGTH, 0.0, 0.1))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.force.frame_a)
@@ -159,20 +146,15 @@ def test_reactions_of_the_hinge() -> None:
 
 
 class BallPendulum(Component):
-    world: World = part()
-    ball: Spherical = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.ball = Spherical()
-        self.body = Body(
-            m=1.0,
-            r_CM=(LENGTH, 0.0, 0.0),
-            I_22=0.002,
-            Q=fixed((0.0, 0.0, 0.0, 1.0)),
-            w_a=fixed((0.0, 3.0, 0.0)),
-        )
+    world: World = World()
+    ball: Spherical = Spherical()
+    body: Body = Body(
+        m=1.0,
+        r_CM=(LENGTH, 0.0, 0.0),
+        I_22=0.002,
+        Q=fixed((0.0, 0.0, 0.0, 1.0)),
+        w_a=fixed((0.0, 3.0, 0.0)),
+    )
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.ball.frame_a)

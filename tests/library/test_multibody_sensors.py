@@ -30,24 +30,14 @@ ANGLES = (0.3, -0.4, 1.1)
 class Turntable(Component):
     """A turning arm with sensors on it; its base is turned against the world."""
 
-    world: World = part()
-    base: FixedRotation = part()
-    revolute: Revolute = part()
-    arm: FixedTranslation = part()
-    body: Body = part()
-    absolute: AbsoluteSensor = part()
-    of_base: AbsoluteSensor = part()
-    relative: RelativeSensor = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.base = FixedRotation(r=(1.0, 2.0, 3.0), R_rel=rotation_sequence(ANGLES))
-        self.revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.5), w=fixed(2.0))
-        self.arm = FixedTranslation(r=(0.4, 0.0, 0.0))
-        self.body = Body(m=1.0, g_0=(0.0, 0.0, 0.0))
-        self.absolute = AbsoluteSensor()
-        self.of_base = AbsoluteSensor()
-        self.relative = RelativeSensor()
+    world: World = World()
+    base: FixedRotation = FixedRotation(r=(1.0, 2.0, 3.0), R_rel=rotation_sequence(ANGLES))
+    revolute: Revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.5), w=fixed(2.0))
+    arm: FixedTranslation = FixedTranslation(r=(0.4, 0.0, 0.0))
+    body: Body = Body(m=1.0, g_0=(0.0, 0.0, 0.0))
+    absolute: AbsoluteSensor = AbsoluteSensor()
+    of_base: AbsoluteSensor = AbsoluteSensor()
+    relative: RelativeSensor = RelativeSensor()
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.base.frame_a)
@@ -76,13 +66,9 @@ def test_sensors_on_a_turning_arm() -> None:
 class Swing(Component):
     """A body of some shape that swings about z at its frame_a."""
 
-    world: World = part()
-    revolute: Revolute = part()
+    world: World = World()
+    revolute: Revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
     body: BodyBox | BodyCylinder = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.revolute.frame_a)
@@ -118,16 +104,11 @@ def test_first_acceleration_of_a_solid(body: BodyBox | BodyCylinder, square: flo
 class CardanPendulum(Component):
     """A bar on a universal joint."""
 
-    world: World = part()
-    joint: Universal = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.joint = Universal(
-            n_a=(1.0, 0.0, 0.0), n_b=(0.0, 0.0, 1.0), phi_a=fixed(0.4), phi_b=fixed(0.7), w_a=fixed(2.0), w_b=fixed(0.0)
-        )
-        self.body = Body(m=1.0, r_CM=(0.0, -L, 0.0), I_11=0.02, I_22=0.01, I_33=0.02)
+    world: World = World()
+    joint: Universal = Universal(
+        n_a=(1.0, 0.0, 0.0), n_b=(0.0, 0.0, 1.0), phi_a=fixed(0.4), phi_b=fixed(0.7), w_a=fixed(2.0), w_b=fixed(0.0)
+    )
+    body: Body = Body(m=1.0, r_CM=(0.0, -L, 0.0), I_11=0.02, I_22=0.01, I_33=0.02)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.joint.frame_a)

@@ -31,13 +31,9 @@ G = 9.80665
 class Arm(Component):
     """A body that hangs from the world, on a revolute joint about z."""
 
-    world: World = part()
-    revolute: Revolute = part()
+    world: World = World(n=(0.0, -1.0, 0.0))
+    revolute: Revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
     body: BodyBox | BodyCylinder | BodyShape | Body = part()
-
-    def build(self) -> None:
-        self.world = World(n=(0.0, -1.0, 0.0))
-        self.revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0), w=fixed(0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.revolute.frame_a)
@@ -207,13 +203,12 @@ def test_a_value_given_later_is_asked_too() -> None:
 class Thrown(Component):
     """A body that nobody holds."""
 
-    world: World = part()
+    world: World = World()
     body: Body = part()
     I_33: Real = parameter(default=0.03, unit="kg.m2")
 
     def build(self) -> None:
         start: dict[str, Any] = {name: fixed((0.0, 0.0, 0.0)) for name in ("r_0", "v_0", "w_a")}
-        self.world = World()
         self.body = Body(m=1.0, I_11=0.01, I_22=0.01, I_33=self.I_33, Q=(0.0, 0.0, 0.0, 1.0), **start)
 
 

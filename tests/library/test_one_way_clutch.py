@@ -15,16 +15,13 @@ class Pair(Component):
     """Two free inertias and a freewheel between them."""
 
     w: Real = parameter(default=1.0, unit="rad/s")
-    a: Inertia = part()
+    a: Inertia = Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
     b: Inertia = part()
-    clutch: OneWayClutch = part()
-    pressed: Constant = part()
+    clutch: OneWayClutch = OneWayClutch(fn_max=2.0, mu_pos=((0.0, 0.5),))
+    pressed: Constant = Constant(k=1.0)
 
     def build(self) -> None:
-        self.a = Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
         self.b = Inertia(J=0.5, phi=fixed(0.0), w=fixed(self.w))
-        self.clutch = OneWayClutch(fn_max=2.0, mu_pos=((0.0, 0.5),))
-        self.pressed = Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.pressed.y, self.clutch.f_normalized)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, part
+from acausal import Component, Equations, connect
 from acausal.library import translational
 from acausal.library.blocks import Constant, Sine
 from acausal.library.rotational import (
@@ -42,16 +42,10 @@ from acausal.library.rotational import (
 class TorsionPendulum(Component):
     """Inertia on a torsion spring and a damper."""
 
-    wall: Fixed = part()
-    spring: Spring = part()
-    damper: Damper = part()
-    inertia: Inertia = part()
-
-    def build(self) -> None:
-        self.wall = Fixed(phi0=0.5)
-        self.spring = Spring(c=20.0, phi_rel0=0.25)
-        self.damper = Damper(d=0.6)
-        self.inertia = Inertia(J=0.2, phi=1.0, w=0.0)
+    wall: Fixed = Fixed(phi0=0.5)
+    spring: Spring = Spring(c=20.0, phi_rel0=0.25)
+    damper: Damper = Damper(d=0.6)
+    inertia: Inertia = Inertia(J=0.2, phi=1.0, w=0.0)
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.spring.flange_a, self.damper.flange_a)
@@ -70,26 +64,15 @@ def test_damped_torsion_pendulum() -> None:
 class GearTrain(Component):
     """Constant torque on a motor shaft, a gear, a load; beside it the same gear on a housing that is held."""
 
-    torque: ConstantTorque = part()
-    motor: Inertia = part()
-    gear: IdealGear = part()
-    load: Inertia = part()
-    torque2: ConstantTorque = part()
-    motor2: Inertia = part()
-    gear2: IdealGearWithSupport = part()
-    load2: Inertia = part()
-    held: Fixed = part()
-
-    def build(self) -> None:
-        self.torque = ConstantTorque(tau_constant=3.0)
-        self.motor = Inertia(J=0.1, phi=0.0, w=0.0)
-        self.gear = IdealGear(ratio=-5.0)
-        self.load = Inertia(J=5.0)
-        self.torque2 = ConstantTorque(tau_constant=3.0)
-        self.motor2 = Inertia(J=0.1, phi=0.4, w=0.0)
-        self.gear2 = IdealGearWithSupport(ratio=-5.0)
-        self.load2 = Inertia(J=5.0)
-        self.held = Fixed(phi0=0.1)
+    torque: ConstantTorque = ConstantTorque(tau_constant=3.0)
+    motor: Inertia = Inertia(J=0.1, phi=0.0, w=0.0)
+    gear: IdealGear = IdealGear(ratio=-5.0)
+    load: Inertia = Inertia(J=5.0)
+    torque2: ConstantTorque = ConstantTorque(tau_constant=3.0)
+    motor2: Inertia = Inertia(J=0.1, phi=0.4, w=0.0)
+    gear2: IdealGearWithSupport = IdealGearWithSupport(ratio=-5.0)
+    load2: Inertia = Inertia(J=5.0)
+    held: Fixed = Fixed(phi0=0.1)
 
     def equations(self) -> Equations:
         yield connect(self.torque.flange, self.motor.flange_a)
@@ -117,22 +100,15 @@ def test_gear_reduces_inertia_by_the_square_of_its_ratio() -> None:
 class WheelAndRack(Component):
     """A driven wheel that moves a mass, and a rack-and-pinion with the reciprocal ratio."""
 
-    torque: Torque = part()
-    shaft: Inertia = part()
-    wheel: IdealRollingWheel = part()
-    mass: translational.Mass = part()
-    torque2: Torque = part()
-    shaft2: Inertia = part()
-    rack: IdealGearR2T = part()
-    mass2: translational.Mass = part()
-    level: Constant = part()
-
-    def build(self) -> None:
-        self.torque, self.torque2 = Torque(), Torque()
-        self.shaft, self.shaft2 = Inertia(J=0.5, phi=0.0, w=0.0), Inertia(J=0.5, phi=0.0, w=0.0)
-        self.wheel, self.rack = IdealRollingWheel(radius=0.25), IdealGearR2T(ratio=4.0)
-        self.mass, self.mass2 = translational.Mass(m=8.0), translational.Mass(m=8.0)
-        self.level = Constant(k=2.0)
+    torque: Torque = Torque()
+    shaft: Inertia = Inertia(J=0.5, phi=0.0, w=0.0)
+    wheel: IdealRollingWheel = IdealRollingWheel(radius=0.25)
+    mass: translational.Mass = translational.Mass(m=8.0)
+    torque2: Torque = Torque()
+    shaft2: Inertia = Inertia(J=0.5, phi=0.0, w=0.0)
+    rack: IdealGearR2T = IdealGearR2T(ratio=4.0)
+    mass2: translational.Mass = translational.Mass(m=8.0)
+    level: Constant = Constant(k=2.0)
 
     def equations(self) -> Equations:
         yield connect(self.level.y, self.torque.u, self.torque2.u)
@@ -155,22 +131,15 @@ def test_wheel_and_rack() -> None:
 class Turned(Component):
     """Inertias under speed-dependent torques, and two with a torque between them."""
 
-    slowed: Inertia = part()
-    dragged: Inertia = part()
-    left: Inertia = part()
-    right: Inertia = part()
-    linear: LinearSpeedDependentTorque = part()
-    quadratic: QuadraticSpeedDependentTorque = part()
-    twist: Torque2 = part()
-
-    def build(self) -> None:
-        self.slowed = Inertia(J=2.0, phi=0.0, w=-3.0)
-        self.dragged = Inertia(J=2.0, phi=0.0, w=-3.0)
-        self.left = Inertia(J=2.0, phi=0.0, w=0.0)
-        self.right = Inertia(J=4.0, phi=0.0, w=0.0)
-        self.linear = LinearSpeedDependentTorque(tau_nominal=-8.0, w_nominal=2.0)
-        self.quadratic = QuadraticSpeedDependentTorque(tau_nominal=-8.0, w_nominal=2.0, tau_direction=False)
-        self.twist = Torque2(u=6.0)
+    slowed: Inertia = Inertia(J=2.0, phi=0.0, w=-3.0)
+    dragged: Inertia = Inertia(J=2.0, phi=0.0, w=-3.0)
+    left: Inertia = Inertia(J=2.0, phi=0.0, w=0.0)
+    right: Inertia = Inertia(J=4.0, phi=0.0, w=0.0)
+    linear: LinearSpeedDependentTorque = LinearSpeedDependentTorque(tau_nominal=-8.0, w_nominal=2.0)
+    quadratic: QuadraticSpeedDependentTorque = QuadraticSpeedDependentTorque(
+        tau_nominal=-8.0, w_nominal=2.0, tau_direction=False
+    )
+    twist: Torque2 = Torque2(u=6.0)
 
     def equations(self) -> Equations:
         yield connect(self.linear.flange, self.slowed.flange_a)
@@ -192,28 +161,19 @@ def test_inertias_under_torques() -> None:
 class Driven(Component):
     """Inertia led along a sine by Position, with sensors; a spring-damper between prescribed speeds."""
 
-    signal: Sine = part()
-    drive: Position = part()
-    torque: TorqueSensor = part()
-    power: PowerSensor = part()
-    inertia: Inertia = part()
-    angle: AngleSensor = part()
-    speed: SpeedSensor = part()
-    acceleration: AccSensor = part()
-    slow: Speed = part()
-    fast: Accelerate = part()
-    element: SpringDamper = part()
-    twist: RelAngleSensor = part()
-    rate: RelSpeedSensor = part()
-
-    def build(self) -> None:
-        self.signal = Sine(amplitude=0.1, f=1.0)
-        self.drive, self.torque, self.power = Position(), TorqueSensor(), PowerSensor()
-        self.inertia = Inertia(J=2.0)
-        self.angle, self.speed, self.acceleration = AngleSensor(), SpeedSensor(), AccSensor()
-        self.slow, self.fast = Speed(w_ref=0.5, phi=1.0), Accelerate(a_ref=2.0, phi=3.0, w=-1.0)
-        self.element = SpringDamper(c=3.0, d=10.0, phi_rel0=1.0)
-        self.twist, self.rate = RelAngleSensor(), RelSpeedSensor()
+    signal: Sine = Sine(amplitude=0.1, f=1.0)
+    drive: Position = Position()
+    torque: TorqueSensor = TorqueSensor()
+    power: PowerSensor = PowerSensor()
+    inertia: Inertia = Inertia(J=2.0)
+    angle: AngleSensor = AngleSensor()
+    speed: SpeedSensor = SpeedSensor()
+    acceleration: AccSensor = AccSensor()
+    slow: Speed = Speed(w_ref=0.5, phi=1.0)
+    fast: Accelerate = Accelerate(a_ref=2.0, phi=3.0, w=-1.0)
+    element: SpringDamper = SpringDamper(c=3.0, d=10.0, phi_rel0=1.0)
+    twist: RelAngleSensor = RelAngleSensor()
+    rate: RelSpeedSensor = RelSpeedSensor()
 
     def equations(self) -> Equations:
         yield connect(self.signal.y, self.drive.phi_ref)

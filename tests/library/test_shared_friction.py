@@ -98,12 +98,10 @@ class Swinging(Component):
     """An inertia at rest under 0.76 to 3.06 N.m, and two brakes whose normal forces swing, each in its own time."""
 
     brakes: list[rotational.Brake] = part()
-    inertia: rotational.Inertia = part()
-    torque: rotational.Torque = part()
+    inertia: rotational.Inertia = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
+    torque: rotational.Torque = rotational.Torque(u=1.15 * sin(2.97 * time - 0.213) - 1.91)
 
     def build(self) -> None:
-        self.inertia = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
-        self.torque = rotational.Torque(u=1.15 * sin(2.97 * time - 0.213) - 1.91)
         self.brakes = [
             rotational.Brake(fn_max=20.0, f_normalized=0.6 + 0.5 * sin(5.4 * time)),
             rotational.Brake(fn_max=12.0, f_normalized=0.6 + 0.5 * sin(3.65 * time), peak=1.2),
@@ -135,20 +133,12 @@ class HeldAcross(Component):
     Largest torques: 3 N.m of the bearing, 1 of the clutch, 4 of the brake.
     """
 
-    left: rotational.Inertia = part()
-    right: rotational.Inertia = part()
-    bearing: rotational.BearingFriction = part()
-    clutch: rotational.OneWayClutch = part()
-    brake: rotational.Brake = part()
-    torque: rotational.Torque = part()
-
-    def build(self) -> None:
-        self.left = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
-        self.right = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
-        self.bearing = rotational.BearingFriction(tau_pos=((0.0, 3.0),))
-        self.clutch = rotational.OneWayClutch(fn_max=2.0, f_normalized=1.0)
-        self.brake = rotational.Brake(fn_max=8.0, f_normalized=1.0)
-        self.torque = rotational.Torque(u=1.0 * time)
+    left: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
+    right: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
+    bearing: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 3.0),))
+    clutch: rotational.OneWayClutch = rotational.OneWayClutch(fn_max=2.0, f_normalized=1.0)
+    brake: rotational.Brake = rotational.Brake(fn_max=8.0, f_normalized=1.0)
+    torque: rotational.Torque = rotational.Torque(u=1.0 * time)
 
     def equations(self) -> Equations:
         yield connect(self.left.flange_a, self.bearing.flange_a)
@@ -174,18 +164,11 @@ def test_a_one_way_clutch_hands_over_what_it_cannot_carry(solver: str) -> None:
 class GearedBearings(Component):
     """A gear with an inertia and a bearing on each side."""
 
-    left: rotational.Inertia = part()
-    right: rotational.Inertia = part()
-    gear: rotational.IdealGear = part()
-    near: rotational.BearingFriction = part()
-    far: rotational.BearingFriction = part()
-
-    def build(self) -> None:
-        self.left = rotational.Inertia(J=0.5, phi=fixed(0.0), w=fixed(-20.0))
-        self.right = rotational.Inertia(J=8.0)
-        self.gear = rotational.IdealGear(ratio=4.0)
-        self.near = rotational.BearingFriction(tau_pos=((0.0, 0.75),))
-        self.far = rotational.BearingFriction(tau_pos=((0.0, 5.0),))
+    left: rotational.Inertia = rotational.Inertia(J=0.5, phi=fixed(0.0), w=fixed(-20.0))
+    right: rotational.Inertia = rotational.Inertia(J=8.0)
+    gear: rotational.IdealGear = rotational.IdealGear(ratio=4.0)
+    near: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 0.75),))
+    far: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 5.0),))
 
     def equations(self) -> Equations:
         yield connect(self.left.flange_b, self.near.flange_a)
@@ -205,18 +188,11 @@ def test_bearings_on_both_sides_of_a_gear() -> None:
 class Shafts(Component):
     """Two shafts in bearings of half a newton metre, and a clutch of two between them."""
 
-    first: rotational.Inertia = part()
-    second: rotational.Inertia = part()
-    clutch: rotational.Clutch = part()
-    one: rotational.BearingFriction = part()
-    two: rotational.BearingFriction = part()
-
-    def build(self) -> None:
-        self.first = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(10.0))
-        self.second = rotational.Inertia(J=3.0, phi=fixed(0.0), w=fixed(0.0))
-        self.clutch = rotational.Clutch(fn_max=4.0, f_normalized=1.0)
-        self.one = rotational.BearingFriction(tau_pos=((0.0, 0.5),))
-        self.two = rotational.BearingFriction(tau_pos=((0.0, 0.5),))
+    first: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(10.0))
+    second: rotational.Inertia = rotational.Inertia(J=3.0, phi=fixed(0.0), w=fixed(0.0))
+    clutch: rotational.Clutch = rotational.Clutch(fn_max=4.0, f_normalized=1.0)
+    one: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 0.5),))
+    two: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 0.5),))
 
     def equations(self) -> Equations:
         yield connect(self.first.flange_b, self.one.flange_a)
@@ -238,20 +214,12 @@ def test_a_clutch_between_shafts_in_bearings() -> None:
 class Rack(Component):
     """A pinion in a bearing drives a mass on a guide."""
 
-    shaft: rotational.Inertia = part()
-    bearing: rotational.BearingFriction = part()
-    rack: rotational.IdealGearR2T = part()
-    mass: translational.Mass = part()
-    guide: translational.SupportFriction = part()
-    torque: rotational.Torque = part()
-
-    def build(self) -> None:
-        self.shaft = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
-        self.bearing = rotational.BearingFriction(tau_pos=((0.0, 1.0),))
-        self.rack = rotational.IdealGearR2T(ratio=4.0)
-        self.mass = translational.Mass(m=32.0)
-        self.guide = translational.SupportFriction(f_pos=((0.0, 12.0),))
-        self.torque = rotational.Torque(u=2.0 * time)
+    shaft: rotational.Inertia = rotational.Inertia(J=2.0, phi=fixed(0.0), w=fixed(0.0))
+    bearing: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 1.0),))
+    rack: rotational.IdealGearR2T = rotational.IdealGearR2T(ratio=4.0)
+    mass: translational.Mass = translational.Mass(m=32.0)
+    guide: translational.SupportFriction = translational.SupportFriction(f_pos=((0.0, 12.0),))
+    torque: rotational.Torque = rotational.Torque(u=2.0 * time)
 
     def equations(self) -> Equations:
         yield connect(self.torque.flange, self.shaft.flange_a)
@@ -270,12 +238,11 @@ def test_a_bearing_and_a_guide_on_a_rack() -> None:
 class Prescribed(Component):
     """A shaft whose speed is given, and a brake on it."""
 
-    speed: rotational.Speed = part()
+    speed: rotational.Speed = rotational.Speed(w_ref=where(time < 1.0, 0.0, time - 1.0), phi=fixed(0.0))
     brake: rotational.Brake = part()
     fn_max: float = acausal.structural(default=10.0)
 
     def build(self) -> None:
-        self.speed = rotational.Speed(w_ref=where(time < 1.0, 0.0, time - 1.0), phi=fixed(0.0))
         self.brake = rotational.Brake(fn_max=self.fn_max, f_normalized=1.0)
 
     def equations(self) -> Equations:
@@ -303,20 +270,12 @@ def test_a_step_of_fixed_equations_is_refused() -> None:
 class LossyDrive(Component):
     """LossyGearDemo2 of the Modelica Standard Library with other numbers: a bearing before a gear that loses half."""
 
-    one: rotational.Inertia = part()
-    two: rotational.Inertia = part()
-    bearing: rotational.BearingFriction = part()
-    gear: rotational.LossyGear = part()
-    drive: rotational.Torque = part()
-    load: rotational.Torque = part()
-
-    def build(self) -> None:
-        self.one = rotational.Inertia(J=0.8)
-        self.two = rotational.Inertia(J=1.2, phi=fixed(0.0), w=fixed(0.0))
-        self.bearing = rotational.BearingFriction(tau_pos=((0.0, 0.4), (1.0, 0.9)))
-        self.gear = rotational.LossyGear(ratio=2.0, lossTable=((0.0, 0.6, 0.5, 0.0, 0.0),))
-        self.drive = rotational.Torque(u=9.0 * sin(6.0 * time))
-        self.load = rotational.Torque(u=-6.0)
+    one: rotational.Inertia = rotational.Inertia(J=0.8)
+    two: rotational.Inertia = rotational.Inertia(J=1.2, phi=fixed(0.0), w=fixed(0.0))
+    bearing: rotational.BearingFriction = rotational.BearingFriction(tau_pos=((0.0, 0.4), (1.0, 0.9)))
+    gear: rotational.LossyGear = rotational.LossyGear(ratio=2.0, lossTable=((0.0, 0.6, 0.5, 0.0, 0.0),))
+    drive: rotational.Torque = rotational.Torque(u=9.0 * sin(6.0 * time))
+    load: rotational.Torque = rotational.Torque(u=-6.0)
 
     def equations(self) -> Equations:
         yield connect(self.drive.flange, self.one.flange_a)

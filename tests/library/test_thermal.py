@@ -7,7 +7,7 @@ import math
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, fixed, part
+from acausal import Component, Equations, connect, fixed
 from acausal.library import blocks, electrical, thermal
 from acausal.library.thermal.components import STEFAN_BOLTZMANN
 
@@ -15,24 +15,16 @@ from acausal.library.thermal.components import STEFAN_BOLTZMANN
 class Wall(Component):
     """A hot body behind a wall of two layers and a heat flow meter, with convection outside."""
 
-    inside: thermal.PrescribedTemperature = part()
-    warm: blocks.Constant = part()
-    first: thermal.ThermalResistor = part()
-    meter: thermal.HeatFlowSensor = part()
-    second: thermal.ThermalConductor = part()
-    film: thermal.Convection = part()
-    conductance: blocks.Constant = part()
-    outside: thermal.FixedTemperature = part()
-    between: thermal.TemperatureSensor = part()
-    across: thermal.RelTemperatureSensor = part()
-
-    def build(self) -> None:
-        self.inside, self.warm = thermal.PrescribedTemperature(), blocks.Constant(k=300.0)
-        self.first, self.second = thermal.ThermalResistor(R=0.5), thermal.ThermalConductor(G=4.0)
-        self.meter = thermal.HeatFlowSensor()
-        self.film, self.conductance = thermal.Convection(), blocks.Constant(k=2.0)
-        self.outside = thermal.FixedTemperature(T=275.0)
-        self.between, self.across = thermal.TemperatureSensor(), thermal.RelTemperatureSensor()
+    inside: thermal.PrescribedTemperature = thermal.PrescribedTemperature()
+    warm: blocks.Constant = blocks.Constant(k=300.0)
+    first: thermal.ThermalResistor = thermal.ThermalResistor(R=0.5)
+    meter: thermal.HeatFlowSensor = thermal.HeatFlowSensor()
+    second: thermal.ThermalConductor = thermal.ThermalConductor(G=4.0)
+    film: thermal.Convection = thermal.Convection()
+    conductance: blocks.Constant = blocks.Constant(k=2.0)
+    outside: thermal.FixedTemperature = thermal.FixedTemperature(T=275.0)
+    between: thermal.TemperatureSensor = thermal.TemperatureSensor()
+    across: thermal.RelTemperatureSensor = thermal.RelTemperatureSensor()
 
     def equations(self) -> Equations:
         yield connect(self.warm.y, self.inside.T)
@@ -55,14 +47,9 @@ def test_resistances_of_layers_add_up() -> None:
 class Radiator(Component):
     """A body that radiates into space at 0 K."""
 
-    body: thermal.HeatCapacitor = part()
-    radiation: thermal.BodyRadiation = part()
-    space: thermal.FixedTemperature = part()
-
-    def build(self) -> None:
-        self.body = thermal.HeatCapacitor(C=1000.0, T=fixed(600.0))
-        self.radiation = thermal.BodyRadiation(Gr=0.5)
-        self.space = thermal.FixedTemperature(T=0.0)
+    body: thermal.HeatCapacitor = thermal.HeatCapacitor(C=1000.0, T=fixed(600.0))
+    radiation: thermal.BodyRadiation = thermal.BodyRadiation(Gr=0.5)
+    space: thermal.FixedTemperature = thermal.FixedTemperature(T=0.0)
 
     def equations(self) -> Equations:
         yield connect(self.body.port, self.radiation.port_a)
@@ -79,16 +66,10 @@ def test_a_body_cools_by_radiation() -> None:
 class Heater(Component):
     """A resistor on a constant voltage that warms itself."""
 
-    source: electrical.ConstantVoltage = part()
-    coil: electrical.HeatingResistor = part()
-    ground: electrical.Ground = part()
-    body: thermal.HeatCapacitor = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=10.0)
-        self.coil = electrical.HeatingResistor(R_ref=5.0, T_ref=300.0, alpha=0.01)
-        self.ground = electrical.Ground()
-        self.body = thermal.HeatCapacitor(C=2.0, T=fixed(300.0))
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=10.0)
+    coil: electrical.HeatingResistor = electrical.HeatingResistor(R_ref=5.0, T_ref=300.0, alpha=0.01)
+    ground: electrical.Ground = electrical.Ground()
+    body: thermal.HeatCapacitor = thermal.HeatCapacitor(C=2.0, T=fixed(300.0))
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.coil.p)

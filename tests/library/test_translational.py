@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, guess, part
+from acausal import Component, Equations, connect, guess
 from acausal.library.blocks import Constant, Sine
 from acausal.library.translational import (
     Accelerate,
@@ -50,14 +50,9 @@ def test_damped_oscillator() -> None:
 class TwoBodies(Component):
     """Two free masses on a spring, the spring unstretched at its natural length."""
 
-    a: Mass = part()
-    b: Mass = part()
-    spring: Spring = part()
-
-    def build(self) -> None:
-        self.a = Mass(m=1.0, L=0.2, s=0.0, v=0.0)
-        self.b = Mass(m=3.0, L=0.4, s=1.3, v=0.8)
-        self.spring = Spring(c=48.0, s_rel0=1.0)
+    a: Mass = Mass(m=1.0, L=0.2, s=0.0, v=0.0)
+    b: Mass = Mass(m=3.0, L=0.4, s=1.3, v=0.8)
+    spring: Spring = Spring(c=48.0, s_rel0=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.a.flange_b, self.spring.flange_a)
@@ -75,28 +70,18 @@ def test_two_bodies_swing_with_the_reduced_mass() -> None:
 class Pushed(Component):
     """Masses under a constant, a linear, a quadratic force, and two under a force between them."""
 
-    falling: Mass = part()
-    slowed: Mass = part()
-    dragged: Mass = part()
-    left: Mass = part()
-    right: Mass = part()
-    weight: ConstantForce = part()
-    linear: LinearSpeedDependentForce = part()
-    quadratic: QuadraticSpeedDependentForce = part()
-    push: Force2 = part()
-    level: Constant = part()
-
-    def build(self) -> None:
-        self.falling = Mass(m=2.0, s=1.0, v=0.5)
-        self.slowed = Mass(m=2.0, s=0.0, v=-3.0)
-        self.dragged = Mass(m=2.0, s=0.0, v=-3.0)
-        self.left = Mass(m=2.0, s=0.0, v=0.0)
-        self.right = Mass(m=4.0, s=0.0, v=0.0)
-        self.weight = ConstantForce(f_constant=-19.6133)
-        self.linear = LinearSpeedDependentForce(f_nominal=-8.0, v_nominal=2.0)
-        self.quadratic = QuadraticSpeedDependentForce(f_nominal=-8.0, v_nominal=2.0, force_direction=False)
-        self.push = Force2()
-        self.level = Constant(k=6.0)
+    falling: Mass = Mass(m=2.0, s=1.0, v=0.5)
+    slowed: Mass = Mass(m=2.0, s=0.0, v=-3.0)
+    dragged: Mass = Mass(m=2.0, s=0.0, v=-3.0)
+    left: Mass = Mass(m=2.0, s=0.0, v=0.0)
+    right: Mass = Mass(m=4.0, s=0.0, v=0.0)
+    weight: ConstantForce = ConstantForce(f_constant=-19.6133)
+    linear: LinearSpeedDependentForce = LinearSpeedDependentForce(f_nominal=-8.0, v_nominal=2.0)
+    quadratic: QuadraticSpeedDependentForce = QuadraticSpeedDependentForce(
+        f_nominal=-8.0, v_nominal=2.0, force_direction=False
+    )
+    push: Force2 = Force2()
+    level: Constant = Constant(k=6.0)
 
     def equations(self) -> Equations:
         yield connect(self.weight.flange, self.falling.flange_a)
@@ -121,26 +106,15 @@ def test_masses_under_forces() -> None:
 class Driven(Component):
     """A mass led along a sine by Position; sensors on the way from the drive to the mass."""
 
-    signal: Sine = part()
-    drive: Position = part()
-    rod: Rod = part()
-    force: ForceSensor = part()
-    power: PowerSensor = part()
-    mass: Mass = part()
-    position: PositionSensor = part()
-    speed: SpeedSensor = part()
-    acceleration: AccSensor = part()
-
-    def build(self) -> None:
-        self.signal = Sine(amplitude=0.1, f=1.0)
-        self.drive = Position()
-        self.rod = Rod(L=0.5)
-        self.force = ForceSensor()
-        self.power = PowerSensor()
-        self.mass = Mass(m=2.0)
-        self.position = PositionSensor()
-        self.speed = SpeedSensor()
-        self.acceleration = AccSensor()
+    signal: Sine = Sine(amplitude=0.1, f=1.0)
+    drive: Position = Position()
+    rod: Rod = Rod(L=0.5)
+    force: ForceSensor = ForceSensor()
+    power: PowerSensor = PowerSensor()
+    mass: Mass = Mass(m=2.0)
+    position: PositionSensor = PositionSensor()
+    speed: SpeedSensor = SpeedSensor()
+    acceleration: AccSensor = AccSensor()
 
     def equations(self) -> Equations:
         yield connect(self.signal.y, self.drive.s_ref)
@@ -166,18 +140,11 @@ def test_prescribed_motion_takes_the_force_it_needs() -> None:
 class Moved(Component):
     """A damper between a flange of given speed and one of given acceleration, with sensors across it."""
 
-    speed: Speed = part()
-    acceleration: Accelerate = part()
-    damper: Damper = part()
-    distance: RelPositionSensor = part()
-    rate: RelSpeedSensor = part()
-
-    def build(self) -> None:
-        self.speed = Speed(v_ref=0.5, s=1.0)
-        self.acceleration = Accelerate(a_ref=2.0, s=3.0, v=-1.0)
-        self.damper = Damper(d=10.0)
-        self.distance = RelPositionSensor()
-        self.rate = RelSpeedSensor()
+    speed: Speed = Speed(v_ref=0.5, s=1.0)
+    acceleration: Accelerate = Accelerate(a_ref=2.0, s=3.0, v=-1.0)
+    damper: Damper = Damper(d=10.0)
+    distance: RelPositionSensor = RelPositionSensor()
+    rate: RelSpeedSensor = RelSpeedSensor()
 
     def equations(self) -> Equations:
         yield connect(self.speed.flange, self.damper.flange_a, self.distance.flange_a, self.rate.flange_a)
@@ -195,14 +162,9 @@ def test_prescribed_speed_and_acceleration() -> None:
 class Hanging(Component):
     """A spring-damper with a force on its end and no mass: first order."""
 
-    wall: Fixed = part()
-    element: SpringDamper = part()
-    force: Force = part()
-
-    def build(self) -> None:
-        self.wall = Fixed(s0=0.2)
-        self.element = SpringDamper(c=20.0, d=4.0, s_rel0=0.5, s_rel=0.5, v_rel=guess(0.0))
-        self.force = Force(u=6.0)
+    wall: Fixed = Fixed(s0=0.2)
+    element: SpringDamper = SpringDamper(c=20.0, d=4.0, s_rel0=0.5, s_rel=0.5, v_rel=guess(0.0))
+    force: Force = Force(u=6.0)
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.element.flange_a)

@@ -17,13 +17,12 @@ class Tree(Component):
     n: int = structural(default=15)
     arms: int = structural(default=2)
     springs: int = structural(default=0)
-    world: World = part()
+    world: World = World()
     joints: list[Revolute | Prismatic] = part()
     links: list[BodyShape] = part()
     ropes: list[Spring] = part()
 
     def build(self) -> None:
-        self.world = World()
         self.joints = [
             Prismatic(n=AXES[k % 3], s=fixed(0.1), v=fixed(0.0))
             if k % 5 == 4
@@ -57,12 +56,11 @@ class Balls(Component):
     """`n` links on ball joints, in a straight line at the start."""
 
     n: int = structural(default=4)
-    world: World = part()
+    world: World = World()
     joints: list[Spherical] = part()
     links: list[BodyShape] = part()
 
     def build(self) -> None:
-        self.world = World()
         self.joints = [Spherical() for _ in range(self.n)]
         self.links = [
             BodyShape(

@@ -186,7 +186,7 @@ class Copies(Component):
     plan: Plan = structural()
     copies: int = structural(default=4)
     parts: list[Component] = part()
-    ground: Ground = part()
+    ground: Ground = Ground()
 
     def build(self) -> None:
         kinds: dict[str, Any] = {
@@ -198,7 +198,6 @@ class Copies(Component):
         }
         self.parts = [kinds[kind](size) for _ in range(self.copies) for kind, _, _, size in self.plan]
         self.parts += [Resistor(R=1.0) for _ in range(self.copies)]
-        self.ground = Ground()
 
     def equations(self) -> Equations:
         pins: dict[tuple[int, int], list[Any]] = {}

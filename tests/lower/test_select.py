@@ -139,16 +139,11 @@ def test_what_ends_a_run_is_kept_and_assertions_about_what_is_kept(freeze: list[
 class Falling(Component):
     """A free body in three dimensions with nothing but its weight."""
 
-    world: World = part()
-    free: FreeMotion = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.world = World(g=9.81, n=(0.0, 0.0, -1.0))
-        self.free = FreeMotion(
-            r_rel_a=fixed((0.0, 0.0, 3.0)), v_rel_a=fixed((0.0, 0.0, 0.0)), w_rel_b=fixed((0.0, 0.0, 0.0))
-        )
-        self.body = Body(m=2.0)
+    world: World = World(g=9.81, n=(0.0, 0.0, -1.0))
+    free: FreeMotion = FreeMotion(
+        r_rel_a=fixed((0.0, 0.0, 3.0)), v_rel_a=fixed((0.0, 0.0, 0.0)), w_rel_b=fixed((0.0, 0.0, 0.0))
+    )
+    body: Body = Body(m=2.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.free.frame_a)
@@ -169,12 +164,11 @@ def test_a_falling_body_keeps_two_of_thirteen_states() -> None:
 class Arm(Component):
     """Three links in a vertical plane; the middle hinge could turn out of it, but starts at rest in it."""
 
-    world: World = part()
+    world: World = World(g=9.81, n=(0.0, -1.0, 0.0))
     hinges: list[Revolute] = part()
     links: list[BodyShape] = part()
 
     def build(self) -> None:
-        self.world = World(g=9.81, n=(0.0, -1.0, 0.0))
         axes = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         self.hinges = [Revolute(n=n, phi=fixed(a), w=fixed(0.0)) for n, a in zip(axes, (0.3, 0.0, 0.1), strict=True)]
         self.links = [BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0), I_33=0.1) for _ in range(3)]

@@ -112,25 +112,20 @@ class FourBar(Component):
     w0: Real = parameter(default=4.0)
     coupler0: float = structural(default=0.0)
     rocker0: float = structural(default=1.0)
-    world: World = part()
-    pivot: Fixed = part()
+    world: World = World(g=0.0)
+    pivot: Fixed = Fixed(r=(GROUND, 0.0, 0.0))
     j1: Revolute = part()
     j2: Revolute = part()
-    j3: RevolutePlanarLoopConstraint = part()
+    j3: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint(n=(0.0, 0.0, 1.0))
     j4: Revolute = part()
-    crank: BodyShape = part()
-    coupler: BodyShape = part()
-    rocker: BodyShape = part()
+    crank: BodyShape = _link("crank", CRANK)
+    coupler: BodyShape = _link("coupler", COUPLER)
+    rocker: BodyShape = _link("rocker", ROCKER)
 
     def build(self) -> None:
-        self.world = World(g=0.0)
-        self.pivot = Fixed(r=(GROUND, 0.0, 0.0))
         self.j1 = Revolute(phi=fixed(self.phi0), w=fixed(self.w0))
         self.j2 = Revolute(phi=guess(self.coupler0))
-        self.j3 = RevolutePlanarLoopConstraint(n=(0.0, 0.0, 1.0))
         self.j4 = Revolute(phi=guess(self.rocker0))
-        self.crank, self.coupler = _link("crank", CRANK), _link("coupler", COUPLER)
-        self.rocker = _link("rocker", ROCKER)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.j1.frame_a)
@@ -276,24 +271,21 @@ class Rectifier(Component):
 class Bouncing(Component):
     """A sphere of 1 kg and 0.1 m that falls 20 mm on an elastic ground, as a scene that finds its contacts."""
 
-    world: World = part()
-    body: Body = part()
-    weight: WorldForce = part()
+    world: World = World(g=0.0)
+    body: Body = Body(
+        m=1.0,
+        I_11=0.004,
+        I_22=0.004,
+        I_33=0.004,
+        r_0=fixed((0.0, 0.0, 0.12)),
+        v_0=fixed((0.0, 0.0, 0.0)),
+        Q=fixed((0.0, 0.0, 0.0, 1.0)),
+        w_a=fixed((0.0, 0.0, 0.0)),
+    )
+    weight: WorldForce = WorldForce(force=(0.0, 0.0, -9.81))
     scene: ContactScene = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
-        self.body = Body(
-            m=1.0,
-            I_11=0.004,
-            I_22=0.004,
-            I_33=0.004,
-            r_0=fixed((0.0, 0.0, 0.12)),
-            v_0=fixed((0.0, 0.0, 0.0)),
-            Q=fixed((0.0, 0.0, 0.0, 1.0)),
-            w_a=fixed((0.0, 0.0, 0.0)),
-        )
-        self.weight = WorldForce(force=(0.0, 0.0, -9.81))
         ground = ContactBody(name="ground", shape=HalfSpace(), at_rest=True)
         ball = ContactBody(name="ball", shape=Sphere(0.1))
         law = HuntCrossley(k=1e4, n=1.0, e=1.0, v_0=0.1)

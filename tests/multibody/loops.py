@@ -71,7 +71,7 @@ class Assembly(Component):
     """The mechanism of a plan."""
 
     plan: Plan = structural()
-    world: World = part()
+    world: World = World()
     bodies: list[Body] = part()
     grounds: list[Fixed] = part()
     arms: list[FixedTranslation] = part()
@@ -84,7 +84,6 @@ class Assembly(Component):
 
     def build(self) -> None:
         plan = self.plan
-        self.world = World()
         self.bodies, self.grounds, self.arms, self.joints, self.slides = [], [], [], [], []
         for k, (centre, m, (xx, yy, zz)) in enumerate(zip(plan.centres, plan.masses, plan.inertias, strict=True)):
             at: dict[str, Any] = {"r_0": guess(centre)} if k in plan.free else {}

@@ -37,14 +37,13 @@ class FourBar(Component):
     coupler: float = structural(default=1.0)
     rocker: float = structural(default=0.8)
     angle: float = structural(default=0.25)
-    world: World = part()
+    world: World = World()
     base: Fixed = part()
     joints: list[Revolute] = part()
     links: list[BodyShape] = part()
-    last: RevolutePlanarLoopConstraint = part()
+    last: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint()
 
     def build(self) -> None:
-        self.world = World()
         self.base = Fixed(r=(self.ground, 0.0, 0.0))
         a = self.crank * np.array([math.cos(self.angle), math.sin(self.angle)])
         way = np.array([self.ground, 0.0]) - a
@@ -59,7 +58,6 @@ class FourBar(Component):
             BodyShape(m=1.0, r=(r, 0.0, 0.0), r_CM=(r / 2, 0.0, 0.0), I_33=r**2 / 12)
             for r in (self.crank, self.coupler, self.rocker)
         ]
-        self.last = RevolutePlanarLoopConstraint()
 
     def equations(self) -> Equations:
         before = self.world.frame_b

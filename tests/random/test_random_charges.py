@@ -91,11 +91,10 @@ class Charge(Component):
 
 class Circuit(Component):
     elements: list[Component] = part()
-    ground: Ground = part()
+    ground: Ground = Ground()
     netlist: Netlist = structural()
 
     def build(self) -> None:
-        self.ground = Ground()
         self.elements = [MADE[kind](x) for kind, _, _, x in self.netlist]
 
     def equations(self) -> Equations:
@@ -224,13 +223,12 @@ class Parallel(Component):
     """Two different nonlinear charges side by side between two resistors: one voltage for both."""
 
     named: bool = structural(default=True)
-    V: SineVoltage = part()
+    V: SineVoltage = SineVoltage(V=5.0, f=40.0)
     R: list[Resistor] = part()
     Q: list[Component] = part()
-    ground: Ground = part()
+    ground: Ground = Ground()
 
     def build(self) -> None:
-        self.V, self.ground = SineVoltage(V=5.0, f=40.0), Ground()
         self.R = [Resistor(R=10.0), Resistor(R=30.0)]
         first = Junction(C=3e-4, a=0.05, named=self.named, v=fixed(0.0))
         self.Q = [first, Junction(C=2e-4, a=0.3) if self.named else ChargeCapacitor(C=2e-4, a=0.3)]

@@ -153,7 +153,7 @@ class Loop(Component):
     joints: list[Revolute] = part()
     rods: list[FixedTranslation] = part()
     bodies: list[Body] = part()
-    close: RevolutePlanarLoopConstraint = part()
+    close: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint()
 
     def build(self) -> None:
         p = [(*q, 0.0) for q in self.points]
@@ -164,7 +164,6 @@ class Loop(Component):
         ways = [tuple(float(b - a) for a, b in zip(q, r, strict=True)) for q, r in itertools.pairwise(p)]
         self.rods = [FixedTranslation(r=way) for way in ways]
         self.bodies = [Body(m=1.0, r_CM=tuple(0.5 * c for c in way), I_33=0.02) for way in ways]
-        self.close = RevolutePlanarLoopConstraint()
 
     def equations(self) -> Equations:
         frame = self.base.frame_b
@@ -202,7 +201,7 @@ class SliderCrank(Component):
     """A crank of 0.3 m and a rod of 0.8 m; the crank is turned on by an angle at 0.1 s, and stopped there."""
 
     by: Real = parameter(default=0.0, unit="rad")
-    world: World = part()
+    world: World = World(g=0.0)
     base: Fixed = Fixed()
     crank: Revolute = Revolute(phi=fixed(0.7), w=fixed(0.0))
     arm: FixedTranslation = FixedTranslation(r=(0.3, 0.0, 0.0))
@@ -212,9 +211,6 @@ class SliderCrank(Component):
     guide: Prismatic = Prismatic(s=guess(1.0))
     slider: Body = Body(m=1.0)
     close: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint()
-
-    def build(self) -> None:
-        self.world = World(g=0.0)
 
     def equations(self) -> Equations:
         yield connect(self.base.frame_b, self.crank.frame_a, self.guide.frame_a)

@@ -18,7 +18,6 @@ from acausal import (
     fixed,
     guess,
     parameter,
-    part,
     sin,
     sqrt,
     time,
@@ -183,11 +182,8 @@ class Folding(Component):
 class Owner(Component):
     """A failure inside a part."""
 
-    tank: Emptying = part()
+    tank: Emptying = Emptying()
     rate: Real = parameter(default=1.0)
-
-    def build(self) -> None:
-        self.tank = Emptying()
 
 
 EMPTY = 2.0 - 2.0 * np.log(2.0)

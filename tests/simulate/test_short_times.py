@@ -53,18 +53,15 @@ class LineCommutated(Component):
     phases: list[electrical.SineVoltage] = part()
     lines: list[electrical.Inductor] = part()
     diodes: list[electrical.IdealDiode] = part()
-    C: electrical.Capacitor = part()
-    R: electrical.Resistor = part()
-    ground: electrical.Ground = part()
+    C: electrical.Capacitor = electrical.Capacitor(C=1e-3, v=fixed(0.0))
+    R: electrical.Resistor = electrical.Resistor(R=10.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def build(self) -> None:
         thirds = [-2.0 * math.pi / 3.0 * k for k in range(3)]
         self.phases = [electrical.SineVoltage(V=100.0, f=50.0, phase=phase) for phase in thirds]
         self.lines = [electrical.Inductor(L=1e-3, i=fixed(0.0) if k < 2 else guess(0.0)) for k in range(3)]
         self.diodes = [electrical.IdealDiode(Ron=1e-3, Goff=1e-3) for _ in range(6)]
-        self.C = electrical.Capacitor(C=1e-3, v=fixed(0.0))
-        self.R = electrical.Resistor(R=10.0)
-        self.ground = electrical.Ground()
 
     def equations(self) -> Equations:
         d = self.diodes

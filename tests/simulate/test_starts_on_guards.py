@@ -68,7 +68,7 @@ class PreLoad(Component):
     At the start the plate on the right of `outer_a` and the spool stand exactly where their contacts begin.
     """
 
-    spool: Mass = part()
+    spool: Mass = Mass(L=0.19, m=M, s=fixed(0.01475), v=fixed(0.0))
     plate_a: Mass = part()
     plate_b: Mass = part()
     inner_a: ElastoGap = part()
@@ -84,7 +84,6 @@ class PreLoad(Component):
     sine: Sine = Sine(amplitude=150.0, f=0.01)
 
     def build(self) -> None:
-        self.spool = Mass(L=0.19, m=M, s=fixed(0.01475), v=fixed(0.0))
         self.plate_a, self.plate_b = (Mass(L=0.002, m=0.01, s=fixed(s), v=fixed(0.0)) for s in (-0.093, -0.06925))
         self.inner_a, self.inner_b, self.outer_a, self.outer_b = (
             ElastoGap(c=CONTACT, d=250.0, s_rel0=gap) for gap in (0.001, 0.001, 0.0015, 0.0015)

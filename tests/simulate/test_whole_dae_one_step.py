@@ -106,11 +106,8 @@ class Gate(Component):
 
 
 class TwoGates(Component):
-    first: Gate = part()
-    second: Gate = part()
-
-    def build(self) -> None:
-        self.first, self.second = Gate(), Gate(R=3e4, C=5e-10)
+    first: Gate = Gate()
+    second: Gate = Gate(R=3e4, C=5e-10)
 
     def equations(self) -> Equations:
         yield self.first.input == 2.5 + 2.5 * acausal.sin(2 * math.pi * 1e4 * acausal.time)
@@ -120,20 +117,15 @@ class TwoGates(Component):
 class Lines(Component):
     """A bridge of ideal diodes behind an inductance; source and currents are zero at the start."""
 
-    V: SineVoltage = part()
-    line: Inductor = part()
+    V: SineVoltage = SineVoltage(V=325.0, f=60.0)
+    line: Inductor = Inductor(L=2e-3, i=fixed(0.0))
     diodes: list[IdealDiode] = part()
-    C: Capacitor = part()
-    load: Resistor = part()
-    ground: Ground = part()
+    C: Capacitor = Capacitor(C=4e-4, v=fixed(80.0))
+    load: Resistor = Resistor(R=60.0)
+    ground: Ground = Ground()
 
     def build(self) -> None:
-        self.V = SineVoltage(V=325.0, f=60.0)
-        self.line = Inductor(L=2e-3, i=fixed(0.0))
         self.diodes = [IdealDiode(Ron=1e-4, Goff=1e-5) for _ in range(4)]
-        self.C = Capacitor(C=4e-4, v=fixed(80.0))
-        self.load = Resistor(R=60.0)
-        self.ground = Ground()
 
     def equations(self) -> Equations:
         a, b, c, d = self.diodes

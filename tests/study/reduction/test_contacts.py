@@ -24,13 +24,12 @@ class Rails(Component):
     """Balls of 0.1 m on rails along x without gravity: three in a row, of which the first moves, and one 1 m beside."""
 
     keep: int = structural(default=12)
-    world: World = part()
+    world: World = World(g=0.0)
     rails: list[Prismatic] = part()
     balls: list[Body] = part()
     scene: ContactScene = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
         starts = (0.0, 0.3, 0.6, 0.3)
         self.rails = [Prismatic(n=(1.0, 0.0, 0.0), s=fixed(s), v=fixed(float(k == 0))) for k, s in enumerate(starts)]
         self.balls = [Body(m=1.0) for _ in starts]
@@ -108,21 +107,15 @@ def test_a_scene_in_pieces_becomes_one_model() -> None:
 class OneHole(Component):
     """A drill on a rail over the first of three plates that stand in a row."""
 
-    world: World = part()
-    slide: Prismatic = part()
-    spindle: Revolute = part()
-    drill: Body = part()
-    force: ConstantForce = part()
-    speed: Speed = part()
+    world: World = World(g=0.0)
+    slide: Prismatic = Prismatic(n=(0.0, 0.0, 1.0), s=fixed(-1e-4), v=fixed(0.0))
+    spindle: Revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0))
+    drill: Body = Body(m=5.0)
+    force: ConstantForce = ConstantForce(f_constant=1500.0)
+    speed: Speed = Speed(w_ref=2 * math.pi * 9.28)
     scene: ContactScene = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
-        self.slide = Prismatic(n=(0.0, 0.0, 1.0), s=fixed(-1e-4), v=fixed(0.0))
-        self.spindle = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0))
-        self.drill = Body(m=5.0)
-        self.force = ConstantForce(f_constant=1500.0)
-        self.speed = Speed(w_ref=2 * math.pi * 9.28)
         plates = (
             WorkpieceBody(
                 name=f"plate{k}", shape=Box((0.1, 0.1, 0.05)), pose=((0.12 * k, 0.0, 0.025), IDENTITY), at_rest=True

@@ -17,7 +17,6 @@ from acausal import (
     der,
     fixed,
     parameter,
-    part,
     signal_input,
     variable,
     where,
@@ -118,10 +117,7 @@ class Nothing(Component):
     k: Real = parameter(default=2.0)
     x: Real = variable(default=fixed(1.0))
     y: Real = variable()
-    leaf: TwoPulses = part()
-
-    def build(self) -> None:
-        self.leaf = TwoPulses()
+    leaf: TwoPulses = TwoPulses()
 
     def equations(self) -> Equations:
         yield acausal.der(self.x) == 0.0 * self.x
