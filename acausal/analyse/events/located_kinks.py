@@ -139,7 +139,7 @@ def _images(reduced: ReducedSystem, nodes: Sequence[int], done: dict[int, int]) 
 def _is_drag(graph: _Graph, number: int, images: dict[int, int]) -> bool:
     """Whether a node is the magnitude of a state that only enters its own rate, and only multiplied by this state."""
     op, operand, *_ = graph.pool.nodes[number]
-    if op != "fabs":
+    if op != "fabs" or graph.reduced.delays:  # whatever is delayed may enter other rates later
         return False
     (image,) = _images(graph.reduced, [operand], images)
     kind, *state = graph.pool.nodes[image]
