@@ -32,7 +32,8 @@ class External:
     name
         Shown in equations and messages.
     factory
-        Takes no arguments and returns a `casadi.Function` with these inputs and outputs. A function of SX is expanded
+        Takes no arguments and returns a `casadi.Function` with these inputs and outputs; called once, so that a file it
+        reads is read once. A function of SX is expanded
         into the equations; one made with the option `never_inline` remains one call, in generated C as well.
     inputs, outputs
         Shapes: `()`, `(n,)` or `(m, n)`.
