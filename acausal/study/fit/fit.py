@@ -43,6 +43,9 @@ _MOST_STEPS = 100
 # Relative offset at which the first and the last fit end: the part of the residuals that a further step would remove,
 # in standard deviations. It limits the change of each parameter, in standard deviations of the parameter.
 _OFFSET_ROUGH, _OFFSET = 0.1, 0.01
+# A search has stalled if the next step would remove more than this many standard deviations, and change a parameter by
+# more than this fraction. Then it begins again, as long as that lowers the sum of squares by a hundredth.
+_STALLED, _STALLED_STEP, _MOST_SEARCHES = 1.0, 1e-2, 4
 # Columns of derivatives that agree to this relative accuracy differ by rounding only.
 _SAME = 1e-3
 # Number of points whose runs are cached.
@@ -323,16 +326,33 @@ class _Search:
 
         `rest`: weighted residuals, shape (rows,); `slope`: their derivatives, shape (rows, n).
         """
-        size = np.linalg.norm(slope, axis=0)
-        if not size.any() or not np.isfinite(slope).all():
-            return np.inf
-        size[size == 0.0] = 1.0
-        step = np.linalg.lstsq(slope / size, -rest, rcond=_SAME)[0] / size
-        low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
-        if not ((q + step > low) & (q + step < high)).all():
+        step = self._step(q, rest, slope)
+        if step is None:
             return np.inf
         square = 1.0 if self.is_noise_known else float(rest @ rest) / (len(rest) - len(q))
         return float(np.linalg.norm(slope @ step) / np.sqrt(square)) if square > 0.0 else 0.0
+
+    def _step(self, q: Vector, rest: Vector, slope: Vector) -> Vector | None:
+        """The Gauss-Newton step, shape (n,); None if it leaves the limits, or is not defined."""
+        size = np.linalg.norm(slope, axis=0)
+        if not size.any() or not np.isfinite(slope).all():
+            return None
+        size[size == 0.0] = 1.0
+        step: Vector = np.linalg.lstsq(slope / size, -rest, rcond=_SAME)[0] / size
+        low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
+        return step if ((q + step > low) & (q + step < high)).all() else None
+
+    def _has_stalled(self, q: Vector, weights: Vector) -> bool:
+        """Whether a search that ended at `q`, shape (n,), is far from a minimum, as the next step would be large.
+
+        Where a parameter has next to no effect at the start, the trust region is scaled by that, and then far too small
+        where it has one.
+        """
+        rest, slope = weights * self._residuals_of_success(q), weights[:, None] * self.derivatives(q)
+        step = self._step(q, rest, slope)
+        if step is None or self.offset(q, rest, slope) <= _STALLED:
+            return False
+        return bool((np.abs(step) > _STALLED_STEP * np.maximum(np.abs(q), _STALLED_STEP)).any())
 
     def weights(self) -> Vector:
         """Reciprocal standard deviation of the noise of each value, shape (rows,); `sigma` of its data set if given."""
@@ -376,21 +396,27 @@ class _Search:
         low, high = self.unknown.low / self.unknown.scale, self.unknown.high / self.unknown.scale
         disabled: Any = None
         jac: Any = slope
-        try:
-            solution = least_squares(
-                weighted,
-                q,
-                jac,
-                bounds=(low, high),
-                x_scale="jac",
-                ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
-                xtol=enough,
-                gtol=disabled,
-                max_nfev=_MOST_STEPS,
-            )
-        except _Converged as converged:
-            return converged.q
-        return np.asarray(solution.x)
+        for _ in range(_MOST_SEARCHES):
+            before = weighted(q)
+            try:
+                solution = least_squares(
+                    weighted,
+                    q,
+                    jac,
+                    bounds=(low, high),
+                    x_scale="jac",
+                    ftol=enough if enough == _ROUGH else enough / max(1.0, self.rows / 1000.0),
+                    xtol=enough,
+                    gtol=disabled,
+                    max_nfev=_MOST_STEPS,
+                )
+            except _Converged as converged:
+                return converged.q
+            q = np.asarray(solution.x)
+            is_lower = not 2.0 * solution.cost > 0.99 * float(before @ before)
+            if solution.nfev >= _MOST_STEPS or not is_lower or not self._has_stalled(q, weights):
+                break
+        return q
 
     def solve(self, compiled: CompiledModel) -> Fit:
         """Fit twice, the second time with the noise estimated by the first."""

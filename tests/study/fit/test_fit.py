@@ -35,6 +35,7 @@ from acausal.models.oscillator import Oscillator
 from acausal.plot.scale import readable
 from acausal.simulate.record.record import Dense
 from acausal.study.fit.judge import Unknowns, judge
+from tests.export.test_sensitivity_meeting import Both
 
 Vector = NDArray[np.float64]
 
@@ -506,3 +507,10 @@ def test_limits_that_cannot_be_read_are_refused(tmp_path: Path, limits: str, cod
     assert shown.exit_code == 2, shown.output
     assert code in shown.output
     assert limits in shown.output
+
+
+def test_a_search_that_begins_where_a_parameter_has_no_effect_does_not_stall() -> None:
+    """n = t - max(1/p, 1/q) with q = 1: at p = 1 slopes are rounding errors on one side, and 1 on the other."""
+    t = np.linspace(0.0, 2.0, 41)
+    found = fit(Both(), {"n": (t, np.maximum(0.0, t - 1.0 / 0.9))}, ["p"], parameters={"p": 1.0})
+    assert found.parameters["p"] == pytest.approx(0.9, abs=1e-6)
