@@ -56,7 +56,12 @@ class Growth:
     def text(self) -> str:
         """The growth as a sentence without its subject."""
         digits = f", but only {self.relative:.2g} times relative to the solution" if self.keeps_digits else ""
-        return f"grow up to {self.factor:.2g} times until the end of the run{digits}"
+        shown = f"{self.factor:.2g}"
+        return (
+            "do not grow until the end of the run"
+            if shown == "1"
+            else f"grow up to {shown} times until the end of the run{digits}"
+        )
 
     @property
     def keeps_digits(self) -> bool:

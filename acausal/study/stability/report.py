@@ -111,7 +111,10 @@ class Stability:
             yield f"  errors   {self.growth.text}"
         explicit = [limit for limit in self.limits if limit.method.explicit]
         if not details:
-            yield f"  steps    at most {', '.join(f'{_step(q)} {_name(q)}' for q in explicit)}"
+            if all(_step(q) == "any" for q in explicit):
+                yield f"  steps    of any size are stable: {', '.join(map(_name, explicit))}"
+            else:
+                yield f"  steps    at most {', '.join(f'{_step(q)} {_name(q)}' for q in explicit)}"
             if shown := dict.fromkeys(a.solver for a in judged.avoid if a.solver):
                 yield f"  avoid    {', '.join(shown)}"
             yield from self._noted()
