@@ -341,10 +341,9 @@ def operations(compiled: Any) -> int:
     "model",
     [
         PendulumChain,
-        pytest.param(lambda n: Tree(n=n, arms=1), marks=pytest.mark.slow),
-        pytest.param(lambda n: Tree(n=n), marks=pytest.mark.slow),
+        lambda n: Tree(n=n),
     ],
-    ids=["chain", "one arm", "arms"],
+    ids=["chain", "arms"],
 )
 def test_operations_per_body_do_not_grow(model: Any) -> None:
     """The articulated-body algorithm costs the same for every body (Featherstone 2008, table 10.1).

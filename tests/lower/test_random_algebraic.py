@@ -238,7 +238,7 @@ def test_small_systems(rows: tuple[Row, ...]) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=1500)
+@settings(max_examples=600)
 @given(systems())
 def test_many_small_systems(rows: tuple[Row, ...]) -> None:
     compare(rows)
