@@ -35,7 +35,7 @@ class OnGround(Component):
     m: Real = parameter(default=1.0, unit="kg")
     inertia: Real = parameter(default=1.0 / 600, unit="kg.m2")
 
-    world: World = part()
+    world: World = World()
     body: Body = part()
     contact: SurfaceContact = part()
     push: WorldForce = part()
@@ -43,7 +43,6 @@ class OnGround(Component):
 
     def build(self) -> None:
         g = quantity(G, "m/s2")
-        self.world = World()
         body = self.body = Body(
             m=self.m,
             I_11=self.inertia,

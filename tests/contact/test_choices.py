@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, part, variable
+from acausal import Component, Equations, Real, der, fixed, variable
 from acausal.errors import AcausalError, UsageError
 from acausal.flatten.instances.instances import instances
 from acausal.library.contact import ContactBody, ContactScene, HalfSpace, HuntCrossley, Sphere, Surfaces
@@ -70,11 +70,8 @@ RATE = {"x": 1.0}
 class Fed(Component):
     """A throw beside an integral whose rate is written down outside of the model."""
 
-    throw: ThrownBall = part()
+    throw: ThrownBall = ThrownBall(n=1, keep=0)
     x: Real = variable(default=fixed(0.0))
-
-    def build(self) -> None:
-        self.throw = ThrownBall(n=1, keep=0)
 
     def equations(self) -> Equations:
         yield der(self.x) == RATE["x"]

@@ -106,13 +106,11 @@ def test_another_moving_plate_keeps_the_balance() -> None:
 class Flyer(Component):
     """A ball that flies away from where it was said to be."""
 
-    world: World = part()
-    ball: Body = part()
+    world: World = World(g=0.0)
+    ball: Body = Body(m=1.0, r_0=fixed((0.0, 0.0, 0.1)), v_0=fixed((0.3, 0.0, 0.0)))
     scene: ContactScene = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
-        self.ball = Body(m=1.0, r_0=fixed((0.0, 0.0, 0.1)), v_0=fixed((0.3, 0.0, 0.0)))
         box = (-0.1, -0.1, 0.0), (0.1, 0.1, 1.0)
         self.scene = ContactScene(
             bodies=(

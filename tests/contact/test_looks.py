@@ -18,12 +18,11 @@ class Row(Component):
     """Balls in a row without gravity, the first of which is shot at the others; one more flies beside it."""
 
     speed: Real = parameter(default=SPEED, unit="m/s")
-    world: World = part()
+    world: World = World(g=0.0)
     balls: list[Body] = part()
     scene: ContactScene = part()
 
     def build(self) -> None:
-        self.world = World(g=0.0)
         inertia = 0.4 * M * RADIUS**2
         places = [(0.0, 0.0), (1.0, 0.0), (1.6, 0.0), (0.0, 0.3)]
         self.balls = [

@@ -19,21 +19,18 @@ class GuidedBall(Component):
     friction: FrictionLaw = structural()
     m: Real = parameter(unit="kg", doc="Mass")
 
-    world: World = part()
-    ahead: Prismatic = part()
+    world: World = World(n=(0.0, 0.0, -1.0), g=G)
+    ahead: Prismatic = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(0.0), v=fixed(0.5))
     up: Prismatic = part()
     ball: Body = part()
-    ground: Fixed = part()
+    ground: Fixed = Fixed()
     contact: SurfaceContact = part()
 
     def build(self) -> None:
         sunk = 1e-5
         k = self.m * quantity(G / sunk, "1/s2")
-        self.world = World(n=(0.0, 0.0, -1.0), g=G)
-        self.ahead = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(0.0), v=fixed(0.5))
         self.up = Prismatic(n=(0.0, 0.0, 1.0), s=fixed(0.05 - sunk), v=fixed(0.0))
         self.ball = Body(m=self.m)
-        self.ground = Fixed()
         self.contact = SurfaceContact(
             shape_a=Sphere(0.05), shape_b=HalfSpace(), law=KelvinVoigt(k=k), friction=self.friction
         )

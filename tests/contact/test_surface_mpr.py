@@ -19,19 +19,17 @@ class BallOn(Component):
 
     ground: Shape = structural()
     height: float = structural(default=0.0)
-    world: World = part()
-    body: Body = part()
+    world: World = World(n=(0.0, 0.0, -1.0))
+    body: Body = Body(
+        m=1.0,
+        r_0=fixed((0.01, 0.0, 0.052)),
+        v_0=fixed((0.1, 0.0, 0.0)),
+        Q=fixed((0.0, 0.0, 0.0, 1.0)),
+        w_a=fixed((0.0, 0.0, 0.0)),
+    )
     contact: SurfaceContact = part()
 
     def build(self) -> None:
-        self.world = World(n=(0.0, 0.0, -1.0))
-        self.body = Body(
-            m=1.0,
-            r_0=fixed((0.01, 0.0, 0.052)),
-            v_0=fixed((0.1, 0.0, 0.0)),
-            Q=fixed((0.0, 0.0, 0.0, 1.0)),
-            w_a=fixed((0.0, 0.0, 0.0)),
-        )
         self.contact = SurfaceContact(
             shape_a=Sphere(0.05),
             shape_b=self.ground,

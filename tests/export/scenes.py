@@ -32,11 +32,10 @@ class Slider(Component):
     u: Real = signal_input(unit="N", doc="Force on the mass")
     power: Real = signal_output(unit="W", nominal=10.0, doc="Power of the force")
     m: Real = parameter(default=1.0, unit="kg", min=0.0, doc="Mass")
-    force: Force = part()
+    force: Force = Force()
     mass: Mass = part()
 
     def build(self) -> None:
-        self.force = Force()
         self.mass = Mass(m=self.m, s=fixed(0.0), v=fixed(0.0))
 
     def equations(self) -> Equations:
@@ -65,12 +64,8 @@ class DrivenSlider(Component):
 
     u: Real = signal_input(unit="V", doc="Voltage of the drive")
     current: Real = variable(unit="A", doc="Current of the drive")
-    drive: SaturatingDrive = part()
-    mass: Mass = part()
-
-    def build(self) -> None:
-        self.drive = SaturatingDrive()
-        self.mass = Mass(m=1.0, s=fixed(0.0), v=fixed(0.0))
+    drive: SaturatingDrive = SaturatingDrive()
+    mass: Mass = Mass(m=1.0, s=fixed(0.0), v=fixed(0.0))
 
     def equations(self) -> Equations:
         yield connect(self.u, self.drive.u)

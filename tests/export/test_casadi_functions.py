@@ -26,7 +26,6 @@ from acausal import (
     integer,
     log,
     parameter,
-    part,
     pre,
     quantity,
     reset,
@@ -318,24 +317,15 @@ class Held(Component):
     Three coordinates of the first body are left; the length of its quaternion nothing says.
     """
 
-    world: World = part()
-    free: FreeMotion = part()
-    first: Body = part()
-    slide: Prismatic = part()
-    second: Body = part()
-    joint: Universal = part()
-    ground: Fixed = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.free = FreeMotion(
-            r_rel_a=fixed((0.1, 0.2, -0.1)), v_rel_a=fixed((0.3, -0.1, 0.2)), Q=guess((0.1, -0.1, 0.2, 0.9))
-        )
-        self.first = Body(m=1.0, r_CM=(0.1, 0.0, 0.0))
-        self.slide = Prismatic(s=guess(0.9))
-        self.second = Body(m=2.0, r_CM=(-0.1, 0.1, 0.0))
-        self.joint = Universal(n_a=(0.0, 1.0, 0.0), n_b=(0.0, 0.0, 1.0), phi_a=guess(0.2), phi_b=guess(0.1))
-        self.ground = Fixed(r=(1.0, 0.0, 0.0))
+    world: World = World()
+    free: FreeMotion = FreeMotion(
+        r_rel_a=fixed((0.1, 0.2, -0.1)), v_rel_a=fixed((0.3, -0.1, 0.2)), Q=guess((0.1, -0.1, 0.2, 0.9))
+    )
+    first: Body = Body(m=1.0, r_CM=(0.1, 0.0, 0.0))
+    slide: Prismatic = Prismatic(s=guess(0.9))
+    second: Body = Body(m=2.0, r_CM=(-0.1, 0.1, 0.0))
+    joint: Universal = Universal(n_a=(0.0, 1.0, 0.0), n_b=(0.0, 0.0, 1.0), phi_a=guess(0.2), phi_b=guess(0.1))
+    ground: Fixed = Fixed(r=(1.0, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.free.frame_a)

@@ -58,11 +58,8 @@ class Ball(Component):
 class Balls(Component):
     """Two that hit the floor at one instant."""
 
-    a: Ball = part()
-    b: Ball = part()
-
-    def build(self) -> None:
-        self.a, self.b = Ball(), Ball()
+    a: Ball = Ball()
+    b: Ball = Ball()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -137,14 +134,13 @@ class Rectifier(Component):
     source: SineVoltage = part()
     diodes: list[IdealDiode] = part()
     inner: Resistor = part()
-    capacitor: Capacitor = part()
+    capacitor: Capacitor = Capacitor(C=1e-3, v=fixed(0.0))
     load: Resistor = part()
-    ground: Ground = part()
+    ground: Ground = Ground()
 
     def build(self) -> None:
         self.source, self.inner, self.load = SineVoltage(V=10.0, f=50.0), Resistor(R=0.5), Resistor(R=self.R)
         self.diodes = [IdealDiode(), IdealDiode()]
-        self.capacitor, self.ground = Capacitor(C=1e-3, v=fixed(0.0)), Ground()
 
     def equations(self) -> Equations:
         first, second = self.diodes

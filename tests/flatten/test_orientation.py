@@ -123,12 +123,11 @@ class Islands(Component):
     ranks: tuple[int, int] = structural(default=(5, 1))
     a: Free = part()
     b: Free = part()
-    c: Free = part()
+    c: Free = Free(own=30.0)
     bar: Bar = Bar()
 
     def build(self) -> None:
         self.a, self.b = Free(priority=self.ranks[0], own=10.0), Free(priority=self.ranks[1], own=20.0)
-        self.c = Free(own=30.0)
 
     def equations(self) -> Equations:
         yield connect(self.a.frame, self.bar.frame_a)

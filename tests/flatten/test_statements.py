@@ -19,7 +19,6 @@ from acausal import (
     fixed,
     flow,
     parameter,
-    part,
     pre,
     reset,
     sample,
@@ -114,11 +113,8 @@ def test_a_method_that_returns() -> None:
 class Switch(Component):
     """Counts how often a part crosses zero: the equations of a composite may act at events, too."""
 
-    inner: Derived = part()
+    inner: Derived = Derived()
     n: Real = acausal.discrete()
-
-    def build(self) -> None:
-        self.inner = Derived()
 
     def equations(self) -> Equations:
         yield when(self.inner.x < 0.5, reset(self.n, pre(self.n) + 1))
