@@ -288,8 +288,9 @@ def _converted(digits: str, suffix: str, unit: str) -> float:
             "AC151",
             f'"{digits} {suffix}" does not fit a quantity in {_quoted(unit)}',
             evidence=[
-                f"{_quoted(suffix)} has the dimension {format_dimension(source.dimension)}",
-                f"{_quoted(unit)} has the dimension {format_dimension(target.dimension)}",
+                f"{_quoted(name)} has the dimension {shown}"
+                for name, shown in ((n, format_dimension(parse(n).dimension)) for n in (suffix, unit))
+                if shown != name.strip()
             ],
             help=_accepted(unit),
         )
@@ -533,6 +534,5 @@ def _accepted(unit: str) -> str:
     fitting = [name for name in _EXAMPLES.split() if parse(name).dimension == dimension and name != unit.strip()]
     unit_text = unit.strip() or "1"
     if not fitting:
-        return f"give a number in {unit_text}, or a number with a unit of the same dimension"
-    examples = ", ".join(fitting[:5])
-    return f"give a number in {unit_text}, or a number with one of {examples} or another unit of the same dimension"
+        return f"give a number in {unit_text}, or one with a unit of the same dimension"
+    return f"give a number in {unit_text}, or one with a unit of the same dimension, such as {', '.join(fitting[:5])}"

@@ -159,10 +159,11 @@ def test_wrong_dimension() -> None:
         convert("16 kg", "m")
     assert caught.value.code == "AC151"
     assert caught.value.fact == '"16 kg" does not fit a quantity in "m"'
-    assert caught.value.evidence == ('"kg" has the dimension kg', '"m" has the dimension m')
-    assert caught.value.help == (
-        "give a number in m, or a number with one of mm, um, in or another unit of the same dimension"
-    )
+    assert caught.value.evidence == ()  # the units are their own dimensions
+    assert caught.value.help == "give a number in m, or one with a unit of the same dimension, such as mm, um, in"
+    with pytest.raises(UnitError) as caught:
+        convert("16 kN", "m")
+    assert caught.value.evidence == ('"kN" has the dimension N',)
 
 
 @pytest.mark.parametrize(

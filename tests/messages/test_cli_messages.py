@@ -157,7 +157,7 @@ def test_mistake_in_a_model(case: str, verb: str, folder: Path) -> None:
         (("Oscilator",), "AC001", ("Oscillator",)),
         (("nothing.py",), "AC001", ("nothing.py",)),
         (("Oscillator", "--set", "spring.k=3"), "AC020", ("did you mean",)),
-        (("ThinPlate", "--set", "workpiece.t=1kg"), "AC151", ("workpiece.t", '"kg"', "mm")),
+        (("ThinPlate", "--set", "workpiece.t=1kg"), "AC151", ("workpiece.t", '"1 kg"', "mm")),
         (("ThinPlate", "--set", "workpiece.t=-1mm"), "AC136", ("workpiece.t = -0.001 m", "1e-06 ... inf")),
         (("Oscillator", "--set", "m"), "AC003", ("path=value",)),
         (("Oscillator", "--set", "m=2kg", "--set", " m = 3kg"), "AC003", ("m twice: 2kg and 3kg",)),
