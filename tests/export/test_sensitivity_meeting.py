@@ -106,6 +106,28 @@ def test_events_whose_order_matters_are_refused_unless_they_move_alike(method: L
     assert found.final[0, 0] == pytest.approx(1.0, rel=1e-8)
 
 
+class Alone(Component):
+    """n rises while y, of the rate q, is the only one of three that has passed 1."""
+
+    q: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    z: Real = variable(default=fixed(0.0))
+    n: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.y) == self.q
+        yield der(self.z) == 1.0
+        yield der(self.n) == where((self.y > 1.0) & ~(self.x > 1.0) & ~(self.z > 1.0), 1.0, 0.0)
+
+
+def test_of_three_events_all_orders_are_compared() -> None:
+    """n = max(0, 1 - 1/q): x before y and y before z leave it zero, in this order and in the reverse of it."""
+    with pytest.raises(ExportError, match="AC615"):
+        acausal.sensitivities(Alone(), ["q"], ["n"], stop_time=2.0)
+
+
 class Ticking(Component):
     """x = p t passes 1 at a tick, which is the switching time of a source, too."""
 

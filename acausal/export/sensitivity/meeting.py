@@ -10,7 +10,7 @@ which the map is that of the event as a whole.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,8 @@ Instant = tuple[Vector, Vector]
 """Derivatives of an instant [s] by the carried variables before it, (size,), and by the parameters, (count,)."""
 # Relative difference of derivatives that count as equal: of instants, and of maps, which are products.
 _SAME_INSTANT, _SAME_MAP = 1e-9, 1e-7
+# Number of events at one instant of which all orders are compared.
+_ALL = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,14 @@ def _alike(a: Instant, b: Instant) -> bool:
         np.allclose(v, w, rtol=_SAME_INSTANT, atol=1e-12 * np.abs(v).max(initial=0.0))
         for v, w in zip(a, b, strict=False)
     )
+
+
+def orders(met: Sequence[Group]) -> Iterator[list[Group]]:
+    """Orders of events: all of two or three, and four of more, of which one half comes first or last."""
+    for k in range(len(met)) if len(met) <= _ALL else (0, len(met) // 2):
+        yield [*met[k:], *met[:k]]
+        if len(met) > 2:
+            yield [*met[k:], *met[:k]][::-1]
 
 
 def in_turn(hybrid: Hybrid, passage: Passage, order: Sequence[Group]) -> list[Passage] | None:

@@ -19,7 +19,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import ExportError
-from acausal.export.sensitivity.meeting import are_equal, composed, groups, in_turn
+from acausal.export.sensitivity.meeting import Group, are_equal, composed, groups, in_turn, orders
 from acausal.export.sensitivity.slopes import Matrices, Slopes
 from acausal.lower.build import Builder, Symbols
 from acausal.lower.events.impulses import impulses
@@ -64,12 +64,23 @@ class Saltation:
         if len(met) < 2:
             return EventMap(*self._alone(passage), np.zeros((0, self.size)), np.zeros((0, self.count)), True)
         apart_x, apart_p = (np.array([group.instant[k] - met[0].instant[k] for group in met[1:]]) for k in (0, 1))
-        orders = [in_turn(self.hybrid, passage, order) for order in (met, met[::-1])]
-        if passage.happened.terminated is None and all(orders):
-            there, back = (composed([self._alone(one) for one in order or ()]) for order in orders)
-            if are_equal(there, back):
-                return EventMap(*there, *met[0].instant, apart_x, apart_p, True)
+        separable = self._in_any_order(passage, met)
+        if separable is not None:
+            return EventMap(*separable, *met[0].instant, apart_x, apart_p, True)
         return EventMap(*self._alone(passage), apart_x, apart_p, False)
+
+    def _in_any_order(self, passage: Passage, met: list[Group]) -> tuple[Vector, Vector] | None:
+        """(dx+/dx-, dx+/dp) of events one after the other, if it is the same in every order."""
+        common: tuple[Vector, Vector] | None = None
+        for order in orders(met) if passage.happened.terminated is None else ():
+            turns = in_turn(self.hybrid, passage, order)
+            if turns is None:
+                return None
+            found = composed([self._alone(turn) for turn in turns])
+            if common is not None and not are_equal(common, found):
+                return None
+            common = found
+        return common
 
     def refuse_apart(self, passage: Passage, parameter: str) -> NoReturn:
         """Raise ExportError AC615 for events at one instant that this parameter moves apart."""
