@@ -15,9 +15,8 @@ from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.guess import initial_guess
-from acausal.optimal_control.optimum.error import interval_errors
+from acausal.optimal_control.optimum.error import interval_errors, replay_error
 from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
-from acausal.optimal_control.optimum.replay_error import replay_error
 from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
 from acausal.optimal_control.phases import bias, check_optimum, dynamics_of, kinks
 from acausal.optimal_control.problem import StatedProblem

@@ -59,7 +59,7 @@ class LocatedKinks:
     unlocated: tuple[int, ...] = ()
     """Relations of kinks that are not located, because there are too many."""
     bursts: bool = False
-    """Whether there are bursts, whose values near underflow are replaced (`acausal.analyse.events.underflow`)."""
+    """Whether there are bursts, whose values near underflow are replaced (`state_events.without_underflow`)."""
     branches: bool = False
     """Whether the kinks themselves become branches on these relations, for one-sided derivatives."""
     numbers: tuple[int, ...] = ()

@@ -82,11 +82,6 @@ class ScaledEquations:
         self._stretched: dict[int, Any] = {}
         self._reordered: dict[int, Any] = {}
 
-    @property
-    def is_shared(self) -> bool:
-        """Whether the equations serve all parameter values with the same zeros."""
-        return self._shared is not None
-
     def constants(self, p: Vector, u: Vector) -> Vector:
         """The values c that parameters and inputs alone determine."""
         return np.zeros(0) if self._shared is None else self._constants(p, u)[0]

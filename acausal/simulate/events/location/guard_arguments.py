@@ -144,7 +144,7 @@ def _sampled(graph: GuardGraph, n: int) -> list[tuple[str, tuple[int, ...]]]:
 def _beneath_extremes(graph: GuardGraph, argument: int) -> list[int]:
     """An argument, or the operands of `minimum` and `maximum` in it, which hide where it turns.
 
-    The compiler bounds exponents, too (`acausal.analyse.events.underflow`): between mesh points on both sides of a
+    The compiler bounds exponents, too (`acausal.analyse.events.state_events`): between mesh points on both sides of a
     pulse, `maximum(-v**2, -300)` is constant.
     """
     found, pending, seen = list[int](), [argument], set[int]()
