@@ -1,14 +1,15 @@
-"""Signal blocks against their closed forms."""
+"""Signal blocks, delays and random sources against closed forms and their definitions."""
 
 from __future__ import annotations
 
 import math
+from math import pi, sin
 
 import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, der
+from acausal import Component, Equations, Real, connect, der, discrete
 from acausal.errors import DeclarationError
 from acausal.library.blocks import (
     PI,
@@ -21,9 +22,11 @@ from acausal.library.blocks import (
     Division,
     Feedback,
     FirstOrder,
+    FixedDelay,
     Gain,
     Integrator,
     Limiter,
+    PadeDelay,
     Product,
     Pulse,
     Ramp,
@@ -31,7 +34,10 @@ from acausal.library.blocks import (
     Sine,
     Step,
     TimeTable,
+    VariableDelay,
 )
+from acausal.library.blocks.noise import _first_state, _next_state
+from tests.language.evaluating import value
 
 TABLE = ((0.0, 1.0), (1.0, 3.0), (1.0, 0.0), (2.0, 0.0), (4.0, -2.0))
 
@@ -212,3 +218,90 @@ def test_start_in_steady_state() -> None:
     r = acausal.simulate(SteadyStart(), stop_time=3.0, tolerance=1e-9)
     expected = 1.0 + np.where(r.time < 1.0, 0.0, 1.0 - np.exp(-(r.time - 1.0) * 2.0))
     assert r["plant.y"] == pytest.approx(expected, abs=1e-7)
+
+
+class Bench(Component):
+    """One sine through three delays of 0.3 s, one of which grows from 0.1 s at 0.1 s/s."""
+
+    source: Sine = Sine(f=0.5)
+    fixed: FixedDelay = FixedDelay(delay_time=0.3)
+    varying: VariableDelay = VariableDelay(delay_max=2.0)
+    pade: PadeDelay = PadeDelay(delay_time=0.3, n=4)
+    length: Ramp = Ramp(height=1.0, duration=10.0, offset=0.1)
+
+    def equations(self) -> Equations:
+        yield connect(self.source.y, self.fixed.u, self.varying.u, self.pade.u)
+        yield connect(self.length.y, self.varying.delay_time)
+
+
+def test_a_sine_through_all_of_them() -> None:
+    r = acausal.simulate(Bench(), stop_time=6.0, tolerance=1e-8, output_interval=0.05)
+    for t, fixed, varying in zip(r.time, r["fixed.y"], r["varying.y"], strict=True):
+        assert fixed == pytest.approx(sin(pi * max(t - 0.3, 0.0)), abs=1e-7)
+        assert varying == pytest.approx(sin(pi * max(t - 0.1 - 0.1 * t, 0.0)), abs=1e-7)
+    late = r.time > 2.0
+    # |G| = 1, and the phase is off by (w T)^9 (4!)^2 / (8! 9!) or so: 3e-8
+    assert r["pade.y"][late] == pytest.approx(r["fixed.y"][late], abs=1e-6)
+
+
+class Jump(Component):
+    """A step into an approximation whose numerator is of lower order."""
+
+    source: Step = Step(start_time=1.0)
+    pade: PadeDelay = PadeDelay(delay_time=1.0, n=2, m=1)
+
+    def equations(self) -> Equations:
+        yield connect(self.source.y, self.pade.u)
+
+
+def test_pade_of_order_two_and_one() -> None:
+    """(1 - s/3) / (1 + 2 s/3 + s^2/6): poles -2 +- i sqrt 2; y = 1 - exp(-2 t) (cos + 2 sqrt 2 sin)(sqrt 2 t)."""
+    r = acausal.simulate(Jump(), stop_time=5.0, tolerance=1e-9, output_interval=0.1)
+    t = np.maximum(r.time - 1.0, 0.0)
+    w = np.sqrt(2.0)
+    assert r["pade.y"] == pytest.approx(1 - np.exp(-2 * t) * (np.cos(w * t) + 2 * w * np.sin(w * t)), abs=1e-8)
+
+
+class Generator(Component):
+    """A place for the state."""
+
+    state: Real = discrete()
+
+
+NEXT = _next_state(Generator().state)
+
+
+def drawn(state: float, count: int) -> list[float]:
+    found = []
+    for _ in range(count):
+        state = value(NEXT, {"state": state})
+        found.append(state)
+    return found
+
+
+def test_the_ten_thousandth_number_is_the_published_one() -> None:
+    """S. K. Park, K. W. Miller (1988), page 1195: from 1 the state after 10 000 steps is 1043618065.
+
+    The recursion in whole numbers stands in for the steps that are not computed here: it is met at each of the first
+    2000, and the published number at the end.
+    """
+    state, expected = 1, []
+    for _ in range(10_000):
+        state = 16807 * state % (2**31 - 1)
+        expected.append(state)
+    assert expected[-1] == 1043618065
+    assert drawn(1.0, 2000) == expected[:2000]
+
+
+def test_near_a_multiple_of_the_modulus_nothing_is_rounded() -> None:
+    """States whose successors are the smallest and the largest ones: the inverse of 16807 times these."""
+    inverse = pow(16807, -1, 2**31 - 1)
+    for target in (1, 2, 2**31 - 2, 2**31 - 3):
+        assert value(NEXT, {"state": float(inverse * target % (2**31 - 1))}) == target
+
+
+def test_equal_seeds_give_equal_signals_and_neighbours_do_not() -> None:
+    first = [_first_state(seed) for seed in range(100)]
+    assert first == [_first_state(seed) for seed in range(100)]
+    assert len(set(first)) == 100
+    assert np.mean(first) / (2**31 - 1) - 0.5 < 0.1

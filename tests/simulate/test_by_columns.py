@@ -1,8 +1,9 @@
-"""Equal parts at once: a program of columns gives CasADi's numbers to the last bit, and its derivatives to rounding."""
+"""Equal parts at once: a program of columns gives CasADi's numbers to the last bit."""
 
 from __future__ import annotations
 
 import ctypes
+import math
 import random
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +14,10 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, cos, der, exp, fixed, parameter, part, sin, structural, tanh
+from acausal.simulate.equations.calls.buffered import rows
+from acausal.simulate.equations.calls.columns import by_columns
 from acausal.simulate.equations.calls.in_columns import in_columns
+from acausal.simulate.equations.calls.raw import Kept
 from acausal.simulate.native import columns, policy, tangents
 from acausal.simulate.native.cache import compiler
 from acausal.simulate.native.program import address
@@ -175,3 +179,53 @@ def test_a_run_by_columns_takes_the_same_steps(solver: str, monkeypatch: pytest.
     assert len(used) == counts["rhs_evaluations"] > 0
     assert counts["steps"] == alone.stats["steps"]
     assert together.final("cells[7].x") == alone.final("cells[7].x")
+
+
+ROWS = np.array([-1.0, -0.0, 0.0, 1.0, math.nan, math.inf, -math.inf, 2.5, 3.0])
+
+
+@pytest.mark.parametrize("number", [2.5, 0.0, -3.0, math.inf, -math.inf, math.nan])
+def test_extrema_are_those_of_c(number: float) -> None:
+    rows = ROWS[np.isfinite(ROWS)] if math.isnan(number) else ROWS
+    x, p = ca.SX.sym("x"), ca.SX.sym("p")
+    values = ca.vertcat(ca.fmax(x, p), ca.fmin(p, x), ca.fmax(0, x), ca.fmin(x, 0), ca.fmax(x, 2), ca.fmax(x, -x))
+    function = by_columns(ca.Function("f", [x, p], [values]), len(rows), [1])
+    assert function is not None
+    others = (np.fmax, number), (np.fmin, number), (np.fmax, 0.0), (np.fmin, 0.0), (np.fmax, 2.0), (np.fmax, -rows)
+    expected = np.column_stack([extremum(rows, other) for extremum, other in others])
+    np.testing.assert_array_equal(np.array(function(rows, number)), expected)
+
+
+def test_rows_are_the_function_at_each_instant() -> None:
+    x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
+    function = ca.Function("f", [ca.SX.sym("t"), x, p], [ca.vertcat(x * p[0], ca.sin(p[1]))])
+    points = np.arange(12.0).reshape(4, 3)
+    found = rows(function, (np.zeros((4, 1)), points, np.array([2.0, 0.5])))
+    np.testing.assert_array_equal(found, np.hstack([2.0 * points, np.full((4, 1), np.sin(0.5))]))
+
+
+def test_rows_take_transposed_views_and_empty_arguments() -> None:
+    x = ca.SX.sym("x", 2)
+    function = ca.Function("f", [x, ca.SX.sym("z", 0)], [x[0] - x[1]])
+    trajectory = np.array([[1.0, 2.0, 3.0], [0.5, 0.5, 0.5]])
+    assert rows(function, (trajectory.T, np.zeros((3, 0)))).tolist() == [[0.5], [1.5], [2.5]]
+
+
+def integrator(end: float = 0.75, **options: float) -> ca.Function:
+    """x' = x*x, which is 1/(1 - t) from 1: infinite at t = 1."""
+    x, none = ca.SX.sym("x"), ca.SX(0, 1)
+    arguments = [ca.SX.sym("t"), x, *(ca.SX.sym(name, 0) for name in "zpu")]
+    dae = ca.Function("dae", arguments, [x * x, none, none, none], ["t", *"xzpu"], ["ode", "alg", "quad", "zero"])
+    return ca.integrator("run", "cvodes", dae, 0.0, [0.5, end], dict(options))
+
+
+def test_integrators_give_states_and_statistics() -> None:
+    (x, z), stats = Kept(integrator(reltol=1e-10, abstol=1e-12))({"x0": np.ones(1)}, ("xf", "zf"))
+    np.testing.assert_allclose(x, [[2.0], [4.0]], rtol=1e-7)
+    assert z.shape == (2, 0)
+    assert stats["nsteps"] > 10
+
+
+def test_a_failure_is_a_runtime_error() -> None:
+    with pytest.raises(RuntimeError, match="CVode"):
+        Kept(integrator(end=2.0, max_num_steps=500))({"x0": np.ones(1)}, ("xf",))

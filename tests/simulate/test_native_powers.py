@@ -1,7 +1,4 @@
-"""Generated C of power laws and of monotone blocks: fewer calls of `pow`, the same numbers.
-
-Expected values: IEEE 754 powers of Python, and the implicit function theorem.
-"""
+"""Generated C of power laws, monotone blocks, and of what parameters alone determine."""
 
 from __future__ import annotations
 
@@ -14,8 +11,13 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, parameter, variable
+from acausal.library.contact import Capsule
+from acausal.library.drilling import ConvexLevel, DrillingForce, Workpiece
+from acausal.library.multibody import axis_rotation
+from acausal.library.multibody.orientation import IDENTITY
+from acausal.models.drilling_dynamic import ThickBlock
 from acausal.simulate.native import cache
-from acausal.simulate.native.equations import differentiated
+from acausal.simulate.native.equations import differentiated, equations
 from acausal.simulate.native.source import functions, integrator
 
 NUMBERS = (0.0, -0.0, 1e-300, 1e-5, 0.3, 1.0, 2.5, 1e200, math.inf, -2.0, math.nan)
@@ -74,3 +76,28 @@ def test_the_jacobian_of_compiled_steps_is_that_of_the_implicit_function() -> No
     text = integrator("rosenbrock", dae, {"reltol": 1e-6, "abstol": 1e-8}, constants, jacobian=jacobian)
     assert text is not None
     assert text.count("if (jacobian(sarg") == 1
+
+
+class Bar(ThickBlock):
+    """A drill against a bar with round ends, whose surface is found by a call and polished behind it."""
+
+    def build(self) -> None:
+        super().build()
+        self.workpiece = Workpiece(t=0.05, r=(0.001, 0.002, 0.0), R_rel=axis_rotation((0.0, 1.0, 0.0), 0.1))
+        level = ConvexLevel(Capsule(0.01, 0.05), ((0.0, 0.0, 0.035), IDENTITY), "bar")
+        self.drill = DrillingForce(level=level, t=0.05, axis_a=(0.0, 0.0, 1.0), k=1e8, d_c=2e4)
+
+
+def test_what_is_split_off_behind_calls_is_complete() -> None:
+    """The split equations with their constants are the equations, as long as nothing refers to what is not given."""
+    compiled = acausal.compile(Bar())
+    dae, constants = equations(compiled)
+    values = np.array(compiled.parameter_values)
+    n = compiled.n_dynamic
+    x = np.full(n, 1e-3)
+    held = constants(values, [])
+    numbers = ca.vertcat(held, ca.DM.zeros(dae.size1_in("p") - held.numel()))
+    got = np.asarray(dae(0.0, x / np.array(compiled.nominal_x[:n]), [], numbers, [])[0]).ravel()
+    state = np.concatenate([x, np.zeros(compiled.rhs.size1_in(1) - n)])
+    wanted = np.asarray(compiled.rhs(0.0, state, [], [], values, np.zeros(compiled.rhs.numel_in("m")))[0]).ravel()[:n]
+    np.testing.assert_allclose(got * np.array(compiled.nominal_x[:n]), wanted, rtol=1e-12)

@@ -1,17 +1,40 @@
-"""An equation times a number is the same equation: of picocoulombs or of gigawatts, it is solved as well as any.
-
-The expected values are the residuals of the equations as they stand without these numbers, those of a run with
-factors of one, and at t = 0 the root of the two iterated equations that scipy.optimize.fsolve finds.
-"""
+"""Equations, relations and states far below or above one are solved, located and told of like others."""
 
 from __future__ import annotations
+
+import math
+from functools import cache
 
 import casadi as ca
 import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, guess, parameter, sin, time, variable, where
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    boolean,
+    der,
+    fabs,
+    fixed,
+    guess,
+    integer,
+    maximum,
+    parameter,
+    pre,
+    reset,
+    sin,
+    time,
+    variable,
+    when,
+    where,
+)
+from acausal.lower.compiled import CompiledModel
+from acausal.models.components.multibody import BallAndCardan
+from acausal.models.stability.contact import ExplicitPenalty
+from acausal.result.result import Result
+from tests.marks import slow_but
 
 
 class Scaled(Component):
@@ -72,3 +95,137 @@ def test_factors_of_equations_change_no_exported_function(a: float, b: float, c:
     w = rates[made.x.position("x")] + away[made.x.position("x")]
     assert z + z**3 == pytest.approx(2.0 + 0.2 * w + np.sin(1.5), abs=1e-9)
     assert w + np.sin(w) == pytest.approx(z**2 - 0.7, abs=1e-9)
+
+
+class Compared(Component):
+    """An oscillator with relations in `where`, `when`, a boolean, and kinks; both sides of each times c."""
+
+    c: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+    fast: Real = boolean()
+    y: Real = variable(default=fixed(0.0))
+    f: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        c = self.c
+        yield der(self.x) == self.v
+        yield der(self.v) == -9.0 * self.x - where(c * self.x > c * 0.3, 0.5, -0.2) * self.v
+        yield self.fast == (c * self.v > c * 0.4)
+        yield der(self.y) == where(self.fast, 1.0, 0.0)
+        yield der(self.f) == maximum(c * (self.x - 0.5), 0.0) / c + fabs(c * self.v) / c
+        yield when(
+            c * sin(self.x) >= c * 0.1 * (1.0 + time),
+            reset(self.n, pre(self.n) + 1),
+            reset(self.v, 0.9 * pre(self.v)),
+        )
+
+
+SIGNALS = ["x", "v", "y", "f", "n"]
+
+
+@pytest.fixture(scope="module")
+def unscaled() -> acausal.Result:
+    return acausal.simulate(Compared(), stop_time=4.0, tolerance=1e-8)
+
+
+@pytest.mark.parametrize("c", [1e-22, 1e12])
+@pytest.mark.parametrize(("solver", "native"), [("erk", False), ("rosenbrock", True), ("idas", False)])
+def test_factors_of_relations_change_no_run(unscaled: acausal.Result, c: float, solver: str, native: bool) -> None:
+    run = acausal.simulate(Compared(), stop_time=4.0, tolerance=1e-8, solver=solver, native=native, parameters={"c": c})
+    assert len(run.events) == len(unscaled.events)
+    for name in SIGNALS:
+        assert run.final(name) == pytest.approx(unscaled.final(name), abs=1e-6)
+
+
+@pytest.mark.parametrize("c", [1e-15, 1e-22])
+def test_factors_of_relations_change_no_exported_step(c: float) -> None:
+    step = acausal.step_function(acausal.compile(Compared()), 1e-3, "rk4", SIGNALS)
+    names = [port.name for port in step.p]
+    found = []
+    for factor in (1.0, c):
+        x, y, p = np.array(step.x.start), np.zeros(0), np.array(step.p.start)
+        p[names.index("c")] = factor
+        for _ in range(2000):
+            x, y = (np.array(part).ravel() for part in step.function(x, [], p))
+        found.append(y[: len(SIGNALS)])
+    assert found[0][-1] >= 1.0
+    np.testing.assert_allclose(found[1], found[0], atol=1e-9)
+
+
+STOP = 12.0
+
+
+class Swing(Component):
+    """x'' = -x from A; `up` is how long x was above 0.3 A."""
+
+    A: Real = parameter(default=1.0)
+    x: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+    up: Real = variable(default=fixed(0.0))
+
+    def build(self) -> None:
+        self.x = fixed(self.A)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.x
+        yield der(self.up) == where(self.x > 0.3 * self.A, 1.0, 0.0)
+
+
+class SmallSwing(Component):
+    """The same of a nanometre, with nominal values that say so."""
+
+    x: Real = variable(default=fixed(1e-9), nominal=1e-9)
+    v: Real = variable(default=fixed(0.0), nominal=1e-9)
+    up: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.x
+        yield der(self.up) == where(self.x > 0.3e-9, 1.0, 0.0)
+
+
+def error(r: Result, A: float) -> float:
+    """Of x relative to A, and of the duration."""
+    half = math.acos(0.3)
+    whole, rest = divmod(STOP, 2 * math.pi)
+    up = whole * 2 * half + min(rest, half) + max(rest - (2 * math.pi - half), 0.0)
+    return max(float(np.abs(r["x"] / A - np.cos(r.time)).max()), abs(float(r.final("up")) - up))
+
+
+@cache
+def swing() -> CompiledModel:
+    return acausal.compile(Swing())
+
+
+def noted(r: Result) -> bool:
+    return any("does not resolve" in n for n in r.stats["notes"])  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("solver", slow_but(["idas", "rosenbrock", "erk", "cvodes"], "idas", "rosenbrock"))
+@pytest.mark.parametrize("A", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_small_oscillation_is_known_or_noted(solver: str, A: float) -> None:
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        r = acausal.simulate(swing(), parameters={"A": A}, tolerance=tolerance, stop_time=STOP, solver=solver)
+        assert noted(r) or error(r, A) < max(300 * tolerance, 3e-3)  # three digits, as the page on numerics says
+
+
+def test_a_declared_nominal_value_makes_it_right() -> None:
+    r = acausal.simulate(SmallSwing(), tolerance=1e-6, stop_time=STOP, solver="idas")
+    assert error(r, 1e-9) < 1e-4
+    assert not noted(r)
+
+
+def test_what_is_zero_by_symmetry_is_not_noted() -> None:
+    """Bars that swing in one plane do not leave it, but for rounding."""
+    r = acausal.simulate(BallAndCardan(), tolerance=1e-6, stop_time=0.2)
+    assert not noted(r)
+
+
+def test_what_moves_between_rows_is_not_noted() -> None:
+    """A stiff contact is at rest again before the second row."""
+    r = acausal.simulate(ExplicitPenalty(), tolerance=1e-6)
+    assert np.abs(r["v"]).max() < 1e-9
+    assert not noted(r)

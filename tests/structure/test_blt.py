@@ -1,4 +1,4 @@
-"""Block triangular form: tables, and the definition of an irreducible block by brute force."""
+"""Block triangular form, strong components and levels: tables, and the definitions by brute force."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from itertools import combinations
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 from acausal.errors import InternalError
-from acausal.structure import Block, Incidence, IntArray, blocks, match
+from acausal.structure import Block, Incidence, IntArray, blocks, blt, match
+from acausal.structure.blt import levels, strong_components
 from tests.structure.graphs import regular_graphs
 
 TABLE = [
@@ -110,3 +112,73 @@ def test_deep_chain_and_long_loop() -> None:
     assert [block.rows[0] for block in order] == list(range(n - 1, -1, -1))
     chain[-1] = [n - 1, 0]
     assert [len(block) for block in blocks(Incidence.from_rows(chain, n), np.arange(n))] == [n]
+
+
+Edges = list[tuple[int, int]]
+
+STRONG: list[tuple[Edges, int, list[list[int]]]] = [
+    ([], 0, []),
+    ([], 2, [[0], [1]]),
+    ([(0, 1), (1, 0), (1, 2)], 3, [[0, 1], [2]]),
+    ([(0, 0)], 1, [[0]]),
+    # Tarjan's own example needs the second edge into the stack: 0 -> 1 -> 2 -> 0, 2 -> 3 -> 4 -> 3, 4 -> 1.
+    ([(0, 1), (1, 2), (2, 0), (2, 3), (3, 4), (4, 3), (4, 1)], 5, [[0, 1, 2, 3, 4]]),
+    # A cross edge to a finished component does not join it.
+    ([(0, 1), (2, 1), (1, 3), (3, 1)], 4, [[0], [1, 3], [2]]),
+]
+
+
+def parts(edges: Edges, n: int) -> list[list[int]]:
+    source, target = (np.array([e[k] for e in edges], dtype=np.int64) for k in (0, 1))
+    labels = strong_components(source, target, n).tolist()
+    return sorted([i for i in range(n) if labels[i] == label] for label in set(labels))
+
+
+@pytest.mark.parametrize("small", [2000, -1])
+@pytest.mark.parametrize(("edges", "n", "expected"), STRONG)
+def test_strong_components(
+    edges: Edges, n: int, expected: list[list[int]], small: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By our own algorithm, and by SciPy's."""
+    monkeypatch.setattr(blt, "_MOST_WITHOUT_SCIPY", small)
+    assert parts(edges, n) == (expected if n else [])
+
+
+@given(st.integers(1, 7).flatmap(lambda n: st.tuples(st.just(n), st.sets(st.tuples(*[st.integers(0, n - 1)] * 2)))))
+def test_two_nodes_belong_together_when_each_reaches_the_other(case: tuple[int, set[tuple[int, int]]]) -> None:
+    n, edges = case
+    reach = np.eye(n, dtype=bool)
+    for a, b in edges:
+        reach[a, b] = True
+    for _ in range(n):
+        reach = reach @ reach
+    both = reach & reach.T
+    assert parts(sorted(edges), n) == sorted(list(t) for t in {tuple(np.flatnonzero(row).tolist()) for row in both})
+
+
+def test_a_long_chain_needs_no_recursion() -> None:
+    n = blt._MOST_WITHOUT_SCIPY
+    edges = [(k, k + 1) for k in range(n - 1)]
+    assert parts(edges, n) == [[k] for k in range(n)]
+    assert parts([*edges, (n - 1, 0)], n) == [list(range(n))]
+
+
+@pytest.mark.parametrize(
+    ("edges", "late", "expected"),
+    [
+        ([], [], []),
+        ([], [True, False], [0, 0]),
+        # 0 is late: what follows from it waits, what follows from that does not wait once more
+        ([(0, 1), (1, 2)], [True, False, False], [0, 1, 1]),
+        ([(0, 1), (1, 2)], [True, True, False], [0, 1, 2]),
+        # the longest way counts
+        ([(0, 1), (1, 3), (0, 2), (2, 3)], [True, True, False, False], [0, 1, 1, 2]),
+        # a circle is one level, and what follows from its late member waits for it
+        ([(0, 1), (1, 0), (1, 2)], [True, True, False], [0, 0, 1]),
+        ([(0, 0), (0, 1)], [True, False], [0, 1]),
+        ([(3, 2), (2, 1), (1, 0)], [True, True, True, True], [3, 2, 1, 0]),
+    ],
+)
+def test_levels(edges: list[tuple[int, int]], late: list[bool], expected: list[int]) -> None:
+    ends = np.array(edges, dtype=np.int64).reshape(-1, 2)
+    assert levels(ends[:, 0], ends[:, 1], late).tolist() == expected
