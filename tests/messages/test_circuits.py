@@ -19,11 +19,11 @@ corpus = Corpus()
     text="""
 error[AC205]: CurrentCutset: first and second both prescribe first.n.i
   at      test_circuits.py:N
-              self.first = electrical.ConstantCurrent(I=1.0)
-                           ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              first: electrical.ConstantCurrent = electrical.ConstantCurrent(I=1.0)
+                                                  ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
   at      test_circuits.py:N
-              self.second = electrical.ConstantCurrent(I=2.0)
-                            ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              second: electrical.ConstantCurrent = electrical.ConstantCurrent(I=2.0)
+                                                   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
           these do:
             first.p.i + first.n.i == 0   (ConstantCurrent, electrical/interfaces.py:N)
             first.i == first.p.i   (ConstantCurrent, electrical/interfaces.py:N)
@@ -40,16 +40,10 @@ error[AC205]: CurrentCutset: first and second both prescribe first.n.i
 class CurrentCutset(Component):
     """Two sources of different current in series."""
 
-    first: electrical.ConstantCurrent = part()
-    second: electrical.ConstantCurrent = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.first = electrical.ConstantCurrent(I=1.0)
-        self.second = electrical.ConstantCurrent(I=2.0)
-        self.load = electrical.Resistor(R=1.0)
-        self.ground = electrical.Ground()
+    first: electrical.ConstantCurrent = electrical.ConstantCurrent(I=1.0)
+    second: electrical.ConstantCurrent = electrical.ConstantCurrent(I=2.0)
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.first.n, self.second.p)
@@ -61,16 +55,10 @@ class CurrentCutset(Component):
 class RingOfSources(Component):
     """Three voltage sources in a ring."""
 
-    one: electrical.ConstantVoltage = part()
-    two: electrical.ConstantVoltage = part()
-    three: electrical.ConstantVoltage = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.one = electrical.ConstantVoltage(V=5.0)
-        self.two = electrical.ConstantVoltage(V=1.0)
-        self.three = electrical.ConstantVoltage(V=5.0)
-        self.ground = electrical.Ground()
+    one: electrical.ConstantVoltage = electrical.ConstantVoltage(V=5.0)
+    two: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    three: electrical.ConstantVoltage = electrical.ConstantVoltage(V=5.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.one.p, self.two.p)
@@ -82,16 +70,10 @@ class RingOfSources(Component):
 class CapacitorLoop(Component):
     """Two capacitors side by side that start at different voltages."""
 
-    left: electrical.Capacitor = part()
-    right: electrical.Capacitor = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.left = electrical.Capacitor(C=1e-6, v=fixed(1.0))
-        self.right = electrical.Capacitor(C=1e-6, v=fixed(2.0))
-        self.load = electrical.Resistor(R=1.0)
-        self.ground = electrical.Ground()
+    left: electrical.Capacitor = electrical.Capacitor(C=1e-6, v=fixed(1.0))
+    right: electrical.Capacitor = electrical.Capacitor(C=1e-6, v=fixed(2.0))
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.left.p, self.right.p, self.load.p)
@@ -102,14 +84,9 @@ class CapacitorLoop(Component):
 class InductorCutset(Component):
     """A source of current through a coil that starts without any."""
 
-    source: electrical.ConstantCurrent = part()
-    coil: electrical.Inductor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantCurrent(I=5.0)
-        self.coil = electrical.Inductor(L=1e-3, i=fixed(0.0))
-        self.ground = electrical.Ground()
+    source: electrical.ConstantCurrent = electrical.ConstantCurrent(I=5.0)
+    coil: electrical.Inductor = electrical.Inductor(L=1e-3, i=fixed(0.0))
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.n, self.coil.p)
@@ -120,14 +97,9 @@ class InductorCutset(Component):
 class AmmeterAcross(Component):
     """An ammeter across a source of voltage."""
 
-    source: electrical.ConstantVoltage = part()
-    meter: electrical.CurrentSensor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.meter = electrical.CurrentSensor()
-        self.ground = electrical.Ground()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    meter: electrical.CurrentSensor = electrical.CurrentSensor()
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.meter.p)
@@ -138,14 +110,9 @@ class AmmeterAcross(Component):
 class ZeroResistance(Component):
     """A resistor of no resistance: a short circuit by a value."""
 
-    source: electrical.ConstantVoltage = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.load = electrical.Resistor(R=0.0)
-        self.ground = electrical.Ground()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    load: electrical.Resistor = electrical.Resistor(R=0.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.load.p)
@@ -156,12 +123,8 @@ class ZeroResistance(Component):
 class GainsInACircle(Component):
     """Gains whose product is one, each feeding the other."""
 
-    first: blocks.Gain = part()
-    second: blocks.Gain = part()
-
-    def build(self) -> None:
-        self.first = blocks.Gain(k=2.0)
-        self.second = blocks.Gain(k=0.5)
+    first: blocks.Gain = blocks.Gain(k=2.0)
+    second: blocks.Gain = blocks.Gain(k=0.5)
 
     def equations(self) -> Equations:
         yield connect(self.first.y, self.second.u)
@@ -172,14 +135,9 @@ class GainsInACircle(Component):
 class QuotientOfConstants(Component):
     """A division by a constant that is zero; nothing depends on it and nothing moves."""
 
-    above: blocks.Constant = part()
-    below: blocks.Constant = part()
-    ratio: blocks.Division = part()
-
-    def build(self) -> None:
-        self.above = blocks.Constant(k=1.0)
-        self.below = blocks.Constant(k=0.0)
-        self.ratio = blocks.Division()
+    above: blocks.Constant = blocks.Constant(k=1.0)
+    below: blocks.Constant = blocks.Constant(k=0.0)
+    ratio: blocks.Division = blocks.Division()
 
     def equations(self) -> Equations:
         yield connect(self.above.y, self.ratio.u1)
@@ -188,12 +146,8 @@ class QuotientOfConstants(Component):
 
 @corpus.broken("AC120", "load.p (Pin) and shaft.flange_a (Flange)", "yield connect(self.load.p, self.shaft.flange_a)")
 class PinOnAShaft(Component):
-    load: electrical.Resistor = part()
-    shaft: rotational.Inertia = part()
-
-    def build(self) -> None:
-        self.load = electrical.Resistor(R=1.0)
-        self.shaft = rotational.Inertia(J=1.0)
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    shaft: rotational.Inertia = rotational.Inertia(J=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.load.p, self.shaft.flange_a)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, Real, connect, der, exp, part, quantity, variable
+from acausal import Component, Equations, Real, connect, der, exp, quantity, variable
 from acausal.library import blocks, translational
 from tests.messages.cases import Case, Corpus
 
@@ -97,14 +97,9 @@ class Pendulum(Component):
 class UnitFeedback(Component):
     """y = u + k*y determines y for every gain but 1."""
 
-    sum: blocks.Add = part()
-    gain: blocks.Gain = part()
-    constant: blocks.Constant = part()
-
-    def build(self) -> None:
-        self.sum = blocks.Add()
-        self.gain = blocks.Gain(k=1.0)
-        self.constant = blocks.Constant(k=1.0)
+    sum: blocks.Add = blocks.Add()
+    gain: blocks.Gain = blocks.Gain(k=1.0)
+    constant: blocks.Constant = blocks.Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.constant.y, self.sum.u1)
@@ -116,12 +111,8 @@ class UnitFeedback(Component):
 class MasslessMass(Component):
     """A force on nothing."""
 
-    mass: translational.Mass = part()
-    force: translational.ConstantForce = part()
-
-    def build(self) -> None:
-        self.mass = translational.Mass(m=0.0)
-        self.force = translational.ConstantForce(f_constant=1.0)
+    mass: translational.Mass = translational.Mass(m=0.0)
+    force: translational.ConstantForce = translational.ConstantForce(f_constant=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.force.flange, self.mass.flange_a)
@@ -138,14 +129,9 @@ class Empty(translational.PartialCompliant):
 class Tautology(Component):
     """The unknown of an equation cancels in the equation itself."""
 
-    wall: translational.Fixed = part()
-    spring: Empty = part()
-    mass: translational.Mass = part()
-
-    def build(self) -> None:
-        self.wall = translational.Fixed()
-        self.spring = Empty()
-        self.mass = translational.Mass(m=1.0)
+    wall: translational.Fixed = translational.Fixed()
+    spring: Empty = Empty()
+    mass: translational.Mass = translational.Mass(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.spring.flange_a)

@@ -231,11 +231,8 @@ class NumberForABoolean(Component):
 
 @corpus.broken("AC147", "relay.y", "yield connect(self.relay.y, self.y)")
 class BooleanToNumber(Component):
-    relay: Relay = part()
+    relay: Relay = Relay(u=True)
     y: Real = signal_output()
-
-    def build(self) -> None:
-        self.relay = Relay(u=True)
 
     def equations(self) -> Equations:
         yield connect(self.relay.y, self.y)
@@ -243,10 +240,7 @@ class BooleanToNumber(Component):
 
 @corpus.broken("AC148", "relay.u", "Relay()")
 class OpenInput(Component):
-    relay: Relay = part()
-
-    def build(self) -> None:
-        self.relay = Relay()
+    relay: Relay = Relay()
 
 
 @corpus.broken("AC148", "y", "cls()")

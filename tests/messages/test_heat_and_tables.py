@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from acausal import Component, Equations, connect, fixed, part
+from acausal import Component, Equations, connect, fixed
 from acausal.cli.main import app
 from acausal.library import blocks, electrical, thermal
 from tests.messages.cases import Case, Corpus
@@ -19,12 +19,8 @@ corpus = Corpus()
 class HeatWithoutEnd(Component):
     """A heat flow into a conductor that leads nowhere; alpha = 0 is no reason, being the default."""
 
-    heater: thermal.FixedHeatFlow = part()
-    conductor: thermal.ThermalConductor = part()
-
-    def build(self) -> None:
-        self.heater = thermal.FixedHeatFlow(Q_flow=1.0)
-        self.conductor = thermal.ThermalConductor(G=1.0)
+    heater: thermal.FixedHeatFlow = thermal.FixedHeatFlow(Q_flow=1.0)
+    conductor: thermal.ThermalConductor = thermal.ThermalConductor(G=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.heater.port, self.conductor.port_a)
@@ -34,14 +30,9 @@ class HeatWithoutEnd(Component):
 class CoilThatCannotGiveHeat(Component):
     """A heat port that is left open."""
 
-    source: electrical.ConstantVoltage = part()
-    coil: electrical.HeatingResistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.coil = electrical.HeatingResistor(R_ref=1.0)
-        self.ground = electrical.Ground()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    coil: electrical.HeatingResistor = electrical.HeatingResistor(R_ref=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.coil.p)
@@ -50,12 +41,8 @@ class CoilThatCannotGiveHeat(Component):
 
 @corpus.bad_start("AC302", "body.T", "thermal.HeatCapacitor(C=1.0, T=fixed(400.0))")
 class BodyOfAnotherTemperature(Component):
-    body: thermal.HeatCapacitor = part()
-    outside: thermal.FixedTemperature = part()
-
-    def build(self) -> None:
-        self.body = thermal.HeatCapacitor(C=1.0, T=fixed(400.0))
-        self.outside = thermal.FixedTemperature(T=300.0)
+    body: thermal.HeatCapacitor = thermal.HeatCapacitor(C=1.0, T=fixed(400.0))
+    outside: thermal.FixedTemperature = thermal.FixedTemperature(T=300.0)
 
     def equations(self) -> Equations:
         yield connect(self.body.port, self.outside.port)
@@ -65,10 +52,7 @@ class BodyOfAnotherTemperature(Component):
 class TableThatGoesBack(Component):
     """The library refuses the table; it is named by the component that has it."""
 
-    table: blocks.TimeTable = part()
-
-    def build(self) -> None:
-        self.table = blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))
+    table: blocks.TimeTable = blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

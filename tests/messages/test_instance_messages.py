@@ -32,11 +32,8 @@ def structural_without_value() -> None:
 @corpus.wrong("AC114", "'masses'", "Train()", "masses: list[Mass] = part()")
 def part_that_was_not_made() -> None:
     class Train(Component):
-        engine: Mass = part()
+        engine: Mass = Mass(m=1.0)
         masses: list[Mass] = part()
-
-        def build(self) -> None:
-            self.engine = Mass(m=1.0)
 
     Train()
 

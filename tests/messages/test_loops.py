@@ -31,17 +31,15 @@ error[AC206]: FourBar: the closed loop of joints[0], joints[1], joints[2] and jo
 class FourBar(Component):
     """Four hinges with parallel axes: three of the cut torques and forces are not determined."""
 
-    world: multibody.World = part()
+    world: multibody.World = multibody.World()
     joints: list[multibody.Revolute] = part()
     bars: list[multibody.FixedTranslation] = part()
-    body: multibody.Body = part()
+    body: multibody.Body = multibody.Body(m=1.0)
 
     def build(self) -> None:
-        self.world = multibody.World()
         self.joints = [multibody.Revolute(n=Z) for _ in range(4)]
         sides = (Y, X, (0.0, -1.0, 0.0), (-1.0, 0.0, 0.0))
         self.bars = [multibody.FixedTranslation(r=side) for side in sides]
-        self.body = multibody.Body(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.joints[0].frame_a)
@@ -57,20 +55,12 @@ class FourBar(Component):
 class ParallelGuides(Component):
     """A slide on two parallel guides."""
 
-    world: multibody.World = part()
-    offset: multibody.FixedTranslation = part()
-    upper: multibody.Prismatic = part()
-    lower: multibody.Prismatic = part()
-    bridge: multibody.FixedTranslation = part()
-    slide: multibody.Body = part()
-
-    def build(self) -> None:
-        self.world = multibody.World()
-        self.offset = multibody.FixedTranslation(r=Y)
-        self.upper = multibody.Prismatic(n=X)
-        self.lower = multibody.Prismatic(n=X)
-        self.bridge = multibody.FixedTranslation(r=Y)
-        self.slide = multibody.Body(m=1.0)
+    world: multibody.World = multibody.World()
+    offset: multibody.FixedTranslation = multibody.FixedTranslation(r=Y)
+    upper: multibody.Prismatic = multibody.Prismatic(n=X)
+    lower: multibody.Prismatic = multibody.Prismatic(n=X)
+    bridge: multibody.FixedTranslation = multibody.FixedTranslation(r=Y)
+    slide: multibody.Body = multibody.Body(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.lower.frame_a, self.offset.frame_a)
@@ -83,14 +73,9 @@ class ParallelGuides(Component):
 class ClampedBeam(Component):
     """A rigid beam clamped at both ends."""
 
-    world: multibody.World = part()
-    beam: multibody.FixedTranslation = part()
-    wall: multibody.Fixed = part()
-
-    def build(self) -> None:
-        self.world = multibody.World()
-        self.beam = multibody.FixedTranslation(r=X)
-        self.wall = multibody.Fixed(r=X)
+    world: multibody.World = multibody.World()
+    beam: multibody.FixedTranslation = multibody.FixedTranslation(r=X)
+    wall: multibody.Fixed = multibody.Fixed(r=X)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.beam.frame_a)

@@ -32,16 +32,10 @@ error[AC206]: RodTriangle: the closed loop of world, a, b and c is overconstrain
 class RodTriangle(Component):
     """Three rigid rods between three points of the world."""
 
-    world: World = part()
-    a: FixedTranslation = part()
-    b: FixedTranslation = part()
-    c: FixedTranslation = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.a = FixedTranslation(r=(1.0, 0.0, 0.0))
-        self.b = FixedTranslation(r=(-1.0, 1.0, 0.0))
-        self.c = FixedTranslation(r=(0.0, -1.0, 0.0))
+    world: World = World()
+    a: FixedTranslation = FixedTranslation(r=(1.0, 0.0, 0.0))
+    b: FixedTranslation = FixedTranslation(r=(-1.0, 1.0, 0.0))
+    c: FixedTranslation = FixedTranslation(r=(0.0, -1.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.a.frame_a)
@@ -60,18 +54,11 @@ class RodTriangle(Component):
 class TooFewFreedoms(Component):
     """A hinge and a ball joint between two fixed points: one rotation too few to close the loop."""
 
-    world: World = part()
-    base: FixedTranslation = part()
-    joint: Revolute = part()
-    link: BodyShape = part()
-    ball: Spherical = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.base = FixedTranslation(r=(1.0, 0.0, 0.0))
-        self.joint = Revolute()
-        self.link = BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))
-        self.ball = Spherical()
+    world: World = World()
+    base: FixedTranslation = FixedTranslation(r=(1.0, 0.0, 0.0))
+    joint: Revolute = Revolute()
+    link: BodyShape = BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))
+    ball: Spherical = Spherical()
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.joint.frame_a, self.base.frame_a)
@@ -84,12 +71,8 @@ class TooFewFreedoms(Component):
 class JointInTheAir(Component):
     """Nobody has hung the joint on anything: no World."""
 
-    joint: Revolute = part()
-    body: Body = part()
-
-    def build(self) -> None:
-        self.joint = Revolute(phi=fixed(0.0))
-        self.body = Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
+    joint: Revolute = Revolute(phi=fixed(0.0))
+    body: Body = Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.joint.frame_b, self.body.frame_a)
@@ -99,20 +82,12 @@ class JointInTheAir(Component):
 class TwoDrives(Component):
     """The axis of a joint that is driven and held."""
 
-    world: World = part()
-    joint: Revolute = part()
-    body: Body = part()
-    speed: rotational.Speed = part()
-    brake: rotational.Fixed = part()
-    constant: blocks.Constant = part()
-
-    def build(self) -> None:
-        self.world = World()
-        self.joint = Revolute()
-        self.body = Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
-        self.speed = rotational.Speed()
-        self.brake = rotational.Fixed()
-        self.constant = blocks.Constant(k=1.0)
+    world: World = World()
+    joint: Revolute = Revolute()
+    body: Body = Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
+    speed: rotational.Speed = rotational.Speed()
+    brake: rotational.Fixed = rotational.Fixed()
+    constant: blocks.Constant = blocks.Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.joint.frame_a)
@@ -125,10 +100,7 @@ class TwoDrives(Component):
 class BothEnds(Component):
     """A long mass whose ends are one point."""
 
-    mass: translational.Mass = part()
-
-    def build(self) -> None:
-        self.mass = translational.Mass(m=1.0, L=1.0)
+    mass: translational.Mass = translational.Mass(m=1.0, L=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.mass.flange_a, self.mass.flange_b)
@@ -138,12 +110,8 @@ class BothEnds(Component):
 class TwoSpeedsAtTheStart(Component):
     """Two inertias on one shaft that start at different speeds."""
 
-    front: rotational.Inertia = part()
-    rear: rotational.Inertia = part()
-
-    def build(self) -> None:
-        self.front = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
-        self.rear = rotational.Inertia(J=1.0, w=fixed(1.0))
+    front: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
+    rear: rotational.Inertia = rotational.Inertia(J=1.0, w=fixed(1.0))
 
     def equations(self) -> Equations:
         yield connect(self.front.flange_b, self.rear.flange_a)

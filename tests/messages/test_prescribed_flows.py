@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, connect, part
+from acausal import Component, Equations, connect
 from acausal.library import translational
 from tests.messages.cases import Case, Corpus
 
@@ -17,12 +17,8 @@ corpus = Corpus()
 class ForceOnLooseSpring(Component):
     """The force has to go through a spring whose other end holds on to nothing."""
 
-    force: translational.ConstantForce = part()
-    spring: translational.Spring = part()
-
-    def build(self) -> None:
-        self.force = translational.ConstantForce(f_constant=1.0)
-        self.spring = translational.Spring(c=1.0)
+    force: translational.ConstantForce = translational.ConstantForce(f_constant=1.0)
+    spring: translational.Spring = translational.Spring(c=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.force.flange, self.spring.flange_b)

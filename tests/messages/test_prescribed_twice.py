@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, connect, part
+from acausal import Component, Equations, connect
 from acausal.library import blocks, electrical, rotational, translational
 from tests.messages.cases import Case, Corpus
 
@@ -19,11 +19,11 @@ corpus = Corpus()
     text="""
 error[AC205]: ParallelSources: low and high both prescribe low.p.v - low.n.v
   at      test_prescribed_twice.py:N
-              self.low = electrical.ConstantVoltage(V=1.0)
-                         ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              low: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+                                                ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
   at      test_prescribed_twice.py:N
-              self.high = electrical.ConstantVoltage(V=2.0)
-                          ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              high: electrical.ConstantVoltage = electrical.ConstantVoltage(V=2.0)
+                                                 ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
           these do:
             low.v == low.p.v - low.n.v   (ConstantVoltage, electrical/interfaces.py:N)
             low.v == low.V   (ConstantVoltage, electrical/sources.py:N)
@@ -38,16 +38,10 @@ error[AC205]: ParallelSources: low and high both prescribe low.p.v - low.n.v
 class ParallelSources(Component):
     """Two voltage sources of different voltage in parallel."""
 
-    low: electrical.ConstantVoltage = part()
-    high: electrical.ConstantVoltage = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.low = electrical.ConstantVoltage(V=1.0)
-        self.high = electrical.ConstantVoltage(V=2.0)
-        self.load = electrical.Resistor(R=1.0)
-        self.ground = electrical.Ground()
+    low: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    high: electrical.ConstantVoltage = electrical.ConstantVoltage(V=2.0)
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.low.p, self.high.p, self.load.p)
@@ -58,16 +52,10 @@ class ParallelSources(Component):
 class TwoGrounds(Component):
     """The potential is the same; how the current divides is not known."""
 
-    source: electrical.ConstantVoltage = part()
-    load: electrical.Resistor = part()
-    here: electrical.Ground = part()
-    there: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.load = electrical.Resistor(R=1.0)
-        self.here = electrical.Ground()
-        self.there = electrical.Ground()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    here: electrical.Ground = electrical.Ground()
+    there: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.load.p)
@@ -78,12 +66,8 @@ class TwoGrounds(Component):
 class ShortCircuit(Component):
     """A voltage source whose pins are one point."""
 
-    source: electrical.ConstantVoltage = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.ground = electrical.Ground()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.source.n, self.ground.p)
@@ -95,14 +79,9 @@ class ShortCircuit(Component):
 class RodBetweenWalls(Component):
     """The rod is 1 m long, the walls are 2 m apart."""
 
-    left: translational.Fixed = part()
-    rod: translational.Rod = part()
-    right: translational.Fixed = part()
-
-    def build(self) -> None:
-        self.left = translational.Fixed()
-        self.rod = translational.Rod(L=1.0)
-        self.right = translational.Fixed(s0=2.0)
+    left: translational.Fixed = translational.Fixed()
+    rod: translational.Rod = translational.Rod(L=1.0)
+    right: translational.Fixed = translational.Fixed(s0=2.0)
 
     def equations(self) -> Equations:
         yield connect(self.left.flange, self.rod.flange_a)
@@ -113,18 +92,11 @@ class RodBetweenWalls(Component):
 class ParallelRods(Component):
     """Two equal rods side by side: who bears which part of the load is not known."""
 
-    wall: translational.Fixed = part()
-    spring: translational.Spring = part()
-    upper: translational.Rod = part()
-    lower: translational.Rod = part()
-    mass: translational.Mass = part()
-
-    def build(self) -> None:
-        self.wall = translational.Fixed()
-        self.spring = translational.Spring(c=1.0)
-        self.upper = translational.Rod(L=1.0)
-        self.lower = translational.Rod(L=1.0)
-        self.mass = translational.Mass(m=1.0)
+    wall: translational.Fixed = translational.Fixed()
+    spring: translational.Spring = translational.Spring(c=1.0)
+    upper: translational.Rod = translational.Rod(L=1.0)
+    lower: translational.Rod = translational.Rod(L=1.0)
+    mass: translational.Mass = translational.Mass(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.spring.flange_a)
@@ -136,16 +108,10 @@ class ParallelRods(Component):
 class TwoSpeeds(Component):
     """Two speed sources on one shaft."""
 
-    drive: rotational.Speed = part()
-    brake: rotational.Speed = part()
-    inertia: rotational.Inertia = part()
-    signal: blocks.Constant = part()
-
-    def build(self) -> None:
-        self.drive = rotational.Speed()
-        self.brake = rotational.Speed()
-        self.inertia = rotational.Inertia(J=1.0)
-        self.signal = blocks.Constant(k=1.0)
+    drive: rotational.Speed = rotational.Speed()
+    brake: rotational.Speed = rotational.Speed()
+    inertia: rotational.Inertia = rotational.Inertia(J=1.0)
+    signal: blocks.Constant = blocks.Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.signal.y, self.drive.w_ref, self.brake.w_ref)

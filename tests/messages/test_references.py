@@ -19,11 +19,11 @@ corpus = Corpus()
     text="""
 error[AC203]: WithoutGround: nothing fixes the potential v of R.p, R.n, C.p and C.n
   at      test_references.py:N
-              self.R = electrical.Resistor(R=1.0)
-                       ^^^^^^^^^^^^^^^^^^^^^^^^^^
+              R: electrical.Resistor = electrical.Resistor(R=1.0)
+                                       ^^^^^^^^^^^^^^^^^^^^^^^^^^
   at      test_references.py:N
-              self.C = electrical.Capacitor(C=1.0, v=fixed(12.0))
-                       ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              C: electrical.Capacitor = electrical.Capacitor(C=1.0, v=fixed(12.0))
+                                        ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
           they occur only as differences:
             R.v == R.p.v - R.n.v   (Resistor, electrical/interfaces.py:N)
             C.v == C.p.v - C.n.v   (Capacitor, electrical/interfaces.py:N)
@@ -37,12 +37,8 @@ error[AC203]: WithoutGround: nothing fixes the potential v of R.p, R.n, C.p and 
 class WithoutGround(Component):
     """OpenModelica issue 9944, "underdetermined equation system not detected properly": an internal error there."""
 
-    R: electrical.Resistor = part()
-    C: electrical.Capacitor = part()
-
-    def build(self) -> None:
-        self.R = electrical.Resistor(R=1.0)
-        self.C = electrical.Capacitor(C=1.0, v=fixed(12.0))
+    R: electrical.Resistor = electrical.Resistor(R=1.0)
+    C: electrical.Capacitor = electrical.Capacitor(C=1.0, v=fixed(12.0))
 
     def equations(self) -> Equations:
         yield connect(self.R.p, self.C.p)
@@ -53,17 +49,13 @@ class WithoutGround(Component):
 class SecondCircuit(Component):
     """One circuit is grounded, the other is not; the currents have a junction of three."""
 
-    first: electrical.ConstantVoltage = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-    second: electrical.ConstantVoltage = part()
+    first: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    ground: electrical.Ground = electrical.Ground()
+    second: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
     loads: list[electrical.Resistor] = part()
 
     def build(self) -> None:
-        self.first = electrical.ConstantVoltage(V=1.0)
-        self.load = electrical.Resistor(R=1.0)
-        self.ground = electrical.Ground()
-        self.second = electrical.ConstantVoltage(V=1.0)
         self.loads = [electrical.Resistor(R=1.0), electrical.Resistor(R=2.0)]
 
     def equations(self) -> Equations:
@@ -77,16 +69,10 @@ class SecondCircuit(Component):
 class SecondarySide(Component):
     """A transformer separates the potentials of its sides: each needs a ground of its own."""
 
-    source: electrical.SineVoltage = part()
-    transformer: electrical.IdealTransformer = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.SineVoltage(V=1.0, f=50.0)
-        self.transformer = electrical.IdealTransformer(n=2.0)
-        self.load = electrical.Resistor(R=1.0)
-        self.ground = electrical.Ground()
+    source: electrical.SineVoltage = electrical.SineVoltage(V=1.0, f=50.0)
+    transformer: electrical.IdealTransformer = electrical.IdealTransformer(n=2.0)
+    load: electrical.Resistor = electrical.Resistor(R=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.transformer.p1)
@@ -99,14 +85,9 @@ class SecondarySide(Component):
 class NonlinearWithoutGround(Component):
     """The same with a nonlinear characteristic, whose block of equations is torn."""
 
-    source: electrical.ConstantVoltage = part()
-    resistor: electrical.Resistor = part()
-    diode: electrical.Diode = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.resistor = electrical.Resistor(R=1.0)
-        self.diode = electrical.Diode()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    resistor: electrical.Resistor = electrical.Resistor(R=1.0)
+    diode: electrical.Diode = electrical.Diode()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.resistor.p)
@@ -118,24 +99,16 @@ class NonlinearWithoutGround(Component):
 class LoneSpring(Component):
     """Both ends of a spring hang in the air."""
 
-    spring: translational.Spring = part()
-
-    def build(self) -> None:
-        self.spring = translational.Spring(c=1.0)
+    spring: translational.Spring = translational.Spring(c=1.0)
 
 
 @corpus.broken("AC203", "damper and torque", "rotational.SpringDamper(c=1.0, d=1.0)", "rotational.Torque2()")
 class RotationWithoutInertia(Component):
     """A torque twists a spring-damper, and nothing holds the pair."""
 
-    damper: rotational.SpringDamper = part()
-    torque: rotational.Torque2 = part()
-    signal: blocks.Constant = part()
-
-    def build(self) -> None:
-        self.damper = rotational.SpringDamper(c=1.0, d=1.0)
-        self.torque = rotational.Torque2()
-        self.signal = blocks.Constant(k=1.0)
+    damper: rotational.SpringDamper = rotational.SpringDamper(c=1.0, d=1.0)
+    torque: rotational.Torque2 = rotational.Torque2()
+    signal: blocks.Constant = blocks.Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.signal.y, self.torque.u)
@@ -147,12 +120,8 @@ class RotationWithoutInertia(Component):
 class WithoutWorld(Component):
     """Frames that are tied to each other, but neither to the world nor to a body."""
 
-    joint: multibody.Revolute = part()
-    bar: multibody.FixedTranslation = part()
-
-    def build(self) -> None:
-        self.joint = multibody.Revolute()
-        self.bar = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+    joint: multibody.Revolute = multibody.Revolute()
+    bar: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.joint.frame_b, self.bar.frame_a)
@@ -162,14 +131,9 @@ class WithoutWorld(Component):
 class WithoutMass(Component):
     """A joint that moves nothing: its angle follows from no equation."""
 
-    world: multibody.World = part()
-    joint: multibody.Revolute = part()
-    bar: multibody.FixedTranslation = part()
-
-    def build(self) -> None:
-        self.world = multibody.World()
-        self.joint = multibody.Revolute()
-        self.bar = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+    world: multibody.World = multibody.World()
+    joint: multibody.Revolute = multibody.Revolute()
+    bar: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.joint.frame_a)

@@ -15,12 +15,8 @@ corpus = Corpus()
 class OpenInput(Component):
     """OpenModelica issue 12979, "Improve error message for open input connectors": integrator.y is blamed there."""
 
-    integrator: blocks.Integrator = part()
-    controller: blocks.PI = part()
-
-    def build(self) -> None:
-        self.integrator = blocks.Integrator()
-        self.controller = blocks.PI(T=1.0)
+    integrator: blocks.Integrator = blocks.Integrator()
+    controller: blocks.PI = blocks.PI(T=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.integrator.y, self.controller.u)
@@ -30,16 +26,10 @@ class OpenInput(Component):
 class OpenForce(Component):
     """An input with a unit, and a second one."""
 
-    force: translational.Force = part()
-    mass: translational.Mass = part()
-    sum: blocks.Add = part()
-    constant: blocks.Constant = part()
-
-    def build(self) -> None:
-        self.force = translational.Force()
-        self.mass = translational.Mass(m=1.0)
-        self.sum = blocks.Add()
-        self.constant = blocks.Constant(k=1.0)
+    force: translational.Force = translational.Force()
+    mass: translational.Mass = translational.Mass(m=1.0)
+    sum: blocks.Add = blocks.Add()
+    constant: blocks.Constant = blocks.Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.force.flange, self.mass.flange_a)
@@ -50,12 +40,8 @@ class Servo(Component):
     """A drive inside a composite that forgets to hand its own input down."""
 
     w_set: Real = signal_input(unit="rad/s")
-    drive: rotational.Speed = part()
-    inertia: rotational.Inertia = part()
-
-    def build(self) -> None:
-        self.drive = rotational.Speed()
-        self.inertia = rotational.Inertia(J=1.0)
+    drive: rotational.Speed = rotational.Speed()
+    inertia: rotational.Inertia = rotational.Inertia(J=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.drive.flange, self.inertia.flange_a)
@@ -65,12 +51,8 @@ class Servo(Component):
 class OpenInside(Component):
     """The open input lies one level down."""
 
-    axis: Servo = part()
-    speed: blocks.Constant = part()
-
-    def build(self) -> None:
-        self.axis = Servo()
-        self.speed = blocks.Constant(k=1.0)
+    axis: Servo = Servo()
+    speed: blocks.Constant = blocks.Constant(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.speed.y, self.axis.w_set)
@@ -97,12 +79,8 @@ class PrescribedPosition(Component):
     """A free input of the model moves a mass: its second derivative would be the acceleration."""
 
     s_set: Real = signal_input(unit="m")
-    drive: translational.Position = part()
-    mass: translational.Mass = part()
-
-    def build(self) -> None:
-        self.drive = translational.Position()
-        self.mass = translational.Mass(m=1.0)
+    drive: translational.Position = translational.Position()
+    mass: translational.Mass = translational.Mass(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.s_set, self.drive.s_ref)

@@ -40,8 +40,8 @@ corpus = Corpus()
     text="""
 error[AC204]: ZeroCapacity: equations of c do not determine der(c.v) for c.C = 0
   at      test_special_values.py:N
-              self.c = electrical.Capacitor(C=0.0, v=fixed(0.0))
-                       ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              c: electrical.Capacitor = electrical.Capacitor(C=0.0, v=fixed(0.0))
+                                        ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
           in these it cancels for that value:
             c.i == c.C * der(c.v)   (Capacitor, electrical/components.py:N)
   cause   with other values of these parameters the equations would determine their unknowns
@@ -51,16 +51,10 @@ error[AC204]: ZeroCapacity: equations of c do not determine der(c.v) for c.C = 0
 class ZeroCapacity(Component):
     """Nothing is stored: the voltage of the capacitor is no state."""
 
-    source: electrical.ConstantVoltage = part()
-    r: electrical.Resistor = part()
-    c: electrical.Capacitor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.ConstantVoltage(V=10.0)
-        self.r = electrical.Resistor(R=1.0)
-        self.c = electrical.Capacitor(C=0.0, v=fixed(0.0))
-        self.ground = electrical.Ground()
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=10.0)
+    r: electrical.Resistor = electrical.Resistor(R=1.0)
+    c: electrical.Capacitor = electrical.Capacitor(C=0.0, v=fixed(0.0))
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.r.p)
@@ -86,13 +80,11 @@ class ZeroInertia(Component):
     """The value is that of the model, and handed down to a part."""
 
     J_load: Real = parameter(default=0.0, unit="kg.m2", min=0.0, doc="Inertia of the load")
-    motor: rotational.Inertia = part()
-    shaft: rotational.Spring = part()
+    motor: rotational.Inertia = rotational.Inertia(J=1.0)
+    shaft: rotational.Spring = rotational.Spring(c=10.0)
     load: rotational.Inertia = part()
 
     def build(self) -> None:
-        self.motor = rotational.Inertia(J=1.0)
-        self.shaft = rotational.Spring(c=10.0)
         self.load = rotational.Inertia(J=self.J_load)
 
     def equations(self) -> Equations:
@@ -104,14 +96,9 @@ class ZeroInertia(Component):
 class TwoWorlds(Component):
     """Two origins of one mechanism, and the body hangs on both."""
 
-    world: multibody.World = part()
-    two: multibody.World = part()
-    body: multibody.Body = part()
-
-    def build(self) -> None:
-        self.world = multibody.World()
-        self.two = multibody.World()
-        self.body = multibody.Body(m=1.0)
+    world: multibody.World = multibody.World()
+    two: multibody.World = multibody.World()
+    body: multibody.Body = multibody.Body(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.body.frame_a, self.two.frame_b)
@@ -143,12 +130,8 @@ class RootOfADifference(Component):
 class LimitsTheWrongWayRound(Component):
     """The library states what its parameters must satisfy together."""
 
-    wave: blocks.Sine = part()
-    limit: blocks.Limiter = part()
-
-    def build(self) -> None:
-        self.wave = blocks.Sine(f=1.0)
-        self.limit = blocks.Limiter(u_max=-1.0, u_min=1.0)
+    wave: blocks.Sine = blocks.Sine(f=1.0)
+    limit: blocks.Limiter = blocks.Limiter(u_max=-1.0, u_min=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.wave.y, self.limit.u)

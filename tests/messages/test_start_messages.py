@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, guess, log, part, variable
+from acausal import Component, Equations, Real, connect, der, fixed, guess, log, variable
 from acausal.library import translational
 from tests.messages.cases import Case, Corpus
 
@@ -21,8 +21,8 @@ corpus = Corpus()
     text="""
 error[AC302]: OverFixed: the start value spring.s_rel = 2 contradicts mass.s = 1, which makes it 1
   at      test_start_messages.py:N
-              self.spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
-                            ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+              spring: translational.Spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
+                                             ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
           also given:
             mass.s = 1   (test_start_messages.py:N)
   cause   more is fixed at the start than the 2 states can satisfy: mass.s and mass.v
@@ -32,14 +32,9 @@ error[AC302]: OverFixed: the start value spring.s_rel = 2 contradicts mass.s = 1
 class OverFixed(Component):
     """The length of the spring follows from the position of the mass, and both are fixed."""
 
-    wall: translational.Fixed = part()
-    spring: translational.Spring = part()
-    mass: translational.Mass = part()
-
-    def build(self) -> None:
-        self.wall = translational.Fixed()
-        self.spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
-        self.mass = translational.Mass(m=1.0, s=fixed(1.0), v=fixed(0.0))
+    wall: translational.Fixed = translational.Fixed()
+    spring: translational.Spring = translational.Spring(c=1.0, s_rel=fixed(2.0))
+    mass: translational.Mass = translational.Mass(m=1.0, s=fixed(1.0), v=fixed(0.0))
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.spring.flange_a)

@@ -29,12 +29,8 @@ spring_damper: Any = translational.SpringDamper
 class Two(Component):
     """Two masses and what subclasses do with them."""
 
-    left: Mass = part()
-    right: Mass = part()
-
-    def build(self) -> None:
-        self.left = Mass(m=1.0)
-        self.right = Mass(m=1.0)
+    left: Mass = Mass(m=1.0)
+    right: Mass = Mass(m=1.0)
 
 
 @corpus.broken("AC133", "left.m", "mass()")
@@ -46,10 +42,7 @@ class MissingValue(Two):
 
 @corpus.broken("AC133", "a.c, a.d", "spring_damper()")
 class MissingValues(Component):
-    a: translational.SpringDamper = part()
-
-    def build(self) -> None:
-        self.a = spring_damper()
+    a: translational.SpringDamper = spring_damper()
 
 
 @corpus.broken(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, guess, part, variable
+from acausal import Component, Equations, Real, connect, der, fixed, guess, variable
 from acausal.library.electrical import Capacitor, ConstantVoltage, Ground
 from tests.messages.cases import Case, Corpus
 
@@ -16,14 +16,9 @@ corpus = Corpus()
 class AtASource(Component):
     """A capacitor beside an ideal source has the voltage of that, from the start on."""
 
-    source: ConstantVoltage = part()
-    capacitor: Capacitor = part()
-    ground: Ground = part()
-
-    def build(self) -> None:
-        self.source = ConstantVoltage(V=5.0)
-        self.capacitor = Capacitor(C=1.0, v=fixed(1.0))
-        self.ground = Ground()
+    source: ConstantVoltage = ConstantVoltage(V=5.0)
+    capacitor: Capacitor = Capacitor(C=1.0, v=fixed(1.0))
+    ground: Ground = Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.capacitor.p)
