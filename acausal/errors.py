@@ -24,7 +24,7 @@ from __future__ import annotations
 import linecache
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -255,6 +255,18 @@ class InternalError(AcausalError):
 def counted(count: int, noun: str) -> str:
     """`1 equation`, `2 equations`."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def listed_names(option: str, names: object) -> tuple[str, ...]:
+    """The names that an argument lists; raises UsageError AC018 for a single text and for anything but texts."""
+    if isinstance(names, str):
+        raise UsageError("AC018", f"{option}={names!r} is one string", help=f"give a list: {option}=[{names!r}]")
+    listed = list(names) if isinstance(names, Iterable) else [names]
+    texts = tuple(name for name in listed if isinstance(name, str))
+    if len(texts) != len(listed):
+        fact = f"{option}={listed if isinstance(names, Iterable) else names!r} is no list of names"
+        raise UsageError("AC018", fact, help=f"give names as texts: {option}=['mass.s']")
+    return texts
 
 
 def nearest(name: str, names: Sequence[str], count: int = 3) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from acausal.errors import UsageError, meant
+from acausal.errors import UsageError, listed_names, meant
 from acausal.flatten.flat import FlatVariable, suffixes
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.lower.casadi_model import Port, Ports
@@ -34,7 +34,7 @@ def named_outputs(compiled: CompiledModel, names: Sequence[str] | None) -> tuple
     variables = {v.path: v for v in compiled.flat.variables}
     if names is None:
         names = [p for p, v in variables.items() if "." not in p and v.declaration.kind is not Kind.INPUT]
-    return tuple(output for name in names for output in _entries(compiled, variables, name))
+    return tuple(output for name in listed_names("outputs", names) for output in _entries(compiled, variables, name))
 
 
 def _entries(compiled: CompiledModel, variables: Mapping[str, FlatVariable], name: str) -> list[Output]:

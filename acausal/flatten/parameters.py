@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from acausal.errors import DeclarationError, Span, UnitError, UsageError, meant
+from acausal.errors import DeclarationError, Span, UnitError, UsageError, listed_names, meant
 from acausal.flatten.flat import FlatAssert, FlatParameter, FlatSystem, suffix, suffixes
 from acausal.flatten.instances.instances import Instance
 from acausal.flatten.pool import Pool
@@ -262,10 +262,7 @@ def given_values(parameters: Mapping[str, object] | None) -> dict[str, object]:
     if not isinstance(parameters, Mapping):
         fact = f"parameters is a {type(parameters).__name__}"
         raise UsageError("AC023", fact, help="a dictionary: parameters={'mass.m': 2.0}")
-    nameless = next((key for key in parameters if not isinstance(key, str)), None)
-    if nameless is not None:
-        fact = f"parameters has {nameless!r} in place of a name"
-        raise UsageError("AC023", fact, help="give paths as texts: parameters={'mass.m': 2.0}")
+    listed_names("parameters", parameters)
     return dict(parameters)
 
 

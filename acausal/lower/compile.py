@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +27,7 @@ from acausal.analyse.hidden import HiddenCombination, HiddenConstraint
 from acausal.analyse.invariants import use_invariants
 from acausal.analyse.start import Dependence, start_problem
 from acausal.collector import collector_paused
-from acausal.errors import InternalError, StructureError, UsageError
+from acausal.errors import InternalError, StructureError, UsageError, listed_names
 from acausal.flatten.flat import FlatSystem
 from acausal.flatten.flatten import flatten
 from acausal.flatten.instances.instances import changing
@@ -100,7 +100,7 @@ def compile(
     """
     if formulation not in ("torn", "dae", "projected"):
         raise UsageError("AC024", f"there is no formulation '{formulation}'", help="formulations: torn, dae, projected")
-    frozen, quasi = tuple(_names("freeze", freeze)), tuple(_names("quasi_static", quasi_static))
+    frozen, quasi = listed_names("freeze", freeze), listed_names("quasi_static", quasi_static)
     recipe = Recipe(model, given_values(parameters), formulation, frozen, quasi, cache)
     parts = changing(model) if choices is None and outputs is None else {}
     if not parts:
@@ -133,7 +133,7 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
         is_reduced_model = outputs is not None or bool(freeze) or bool(quasi_static)
         if is_reduced_model:
             refuse_delays(flat, "a reduced model", "compile it whole: without outputs, freeze and quasi_static")
-        requested = None if outputs is None else tuple(_names("outputs", outputs))
+        requested = None if outputs is None else listed_names("outputs", outputs)
         reduction_options = (requested, freeze, quasi_static) if is_reduced_model else None
         key = signature(flat, formulation, reduction_options) if recipe.cache else None
         cached = recall(key, flat) if key is not None else None
@@ -153,16 +153,6 @@ def _compile(recipe: Recipe, outputs: Sequence[str] | None, choices: Mapping[str
     if key is not None:
         remember(key, compiled)
     return compiled
-
-
-def _names(option: str, names: Sequence[str]) -> Sequence[str]:
-    if isinstance(names, str):
-        raise UsageError("AC018", f"{option}={names!r} is one string", help=f"give a list: {option}=[{names!r}]")
-    listed = list(names) if isinstance(names, Iterable) else [names]
-    if not all(isinstance(name, str) for name in listed):
-        fact = f"{option}={listed if isinstance(names, Iterable) else names!r} is no list of names"
-        raise UsageError("AC018", fact, help=f"give names as texts: {option}=['mass.s']")
-    return listed
 
 
 def refined(compiled: CompiledModel, visited: Visited) -> CompiledModel:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import linecache
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -157,10 +158,21 @@ def test_a_mistake_in_a_declaration(line: str) -> None:
     assert remedy in str(caught.value.help)
 
 
-@pytest.mark.parametrize("outputs", [5, [5], [Oscillator().mass.s]])
-def test_outputs_that_are_no_names(outputs: Any) -> None:
+@pytest.mark.parametrize("names", [5, [5], [Oscillator().mass.s], "mass.s"])
+@pytest.mark.parametrize(
+    "asks",
+    [
+        lambda names: acausal.simulate(Oscillator(), outputs=names),
+        lambda names: acausal.linearize(Oscillator(), outputs=names),
+        lambda names: acausal.reduce(Oscillator(), outputs=names),
+        lambda names: acausal.sweep(Oscillator(), {"c": [1.0, 2.0]}, signals=names, workers=1),
+        lambda names: acausal.fit(Oscillator(), {"mass.s": ([0.0, 1.0], [0.1, 0.1])}, names),
+    ],
+    ids=["simulate", "linearize", "reduce", "sweep", "fit"],
+)
+def test_what_is_no_list_of_names(asks: Callable[[Any], object], names: Any) -> None:
     with pytest.raises(AcausalError) as caught:
-        acausal.simulate(Oscillator(), outputs=outputs)
+        asks(names)
     assert caught.value.code == "AC018"
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.errors import UsageError, meant
+from acausal.errors import UsageError, listed_names, meant
 from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import named_outputs
 from acausal.export.sensitivity.chain import Chain, Derivatives
@@ -118,7 +118,7 @@ def sensitivities(
     if method not in ("forward", "adjoint"):
         raise UsageError("AC025", f"there is no method '{method}'", help="methods: forward, adjoint")
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=values)
-    wanted = named_outputs(compiled, outputs)
+    wanted, parameters = named_outputs(compiled, outputs), listed_names("parameters", parameters)
     check(compiled, SENSITIVITIES, wanted)
     chosen = _indices_of(compiled, parameters)
     given = {"start_time": start_time, "stop_time": stop_time, "tolerance": tolerance}

@@ -13,7 +13,7 @@ from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 from acausal.analyse.start import start_problem
-from acausal.errors import UsageError, nearest
+from acausal.errors import UsageError, listed_names, nearest
 from acausal.flatten.flat import FlatStart, suffixes
 from acausal.flatten.parameters import entries
 from acausal.flatten.reduced import ReducedSystem
@@ -70,6 +70,7 @@ def _values(compiled: CompiledModel, given: Mapping[str, object]) -> dict[int, f
     """Start values by scalar."""
     if not isinstance(given, Mapping):
         raise UsageError("AC046", f"start is a {type(given).__name__}", help="a dictionary: start={'mass.s': 0.1}")
+    listed_names("start", given)
     reduced = compiled.solution.structure.reduced
     variables: dict[str, tuple[tuple[int, ...], int, Declaration]] = {}
     for v in compiled.flat.variables:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.errors import RunError, UsageError, meant
+from acausal.errors import RunError, UsageError, listed_names, meant
 from acausal.flatten.parameters import entries
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -166,8 +166,8 @@ def _make_unknowns(
     free: Sequence[str] | Mapping[str, tuple[float | str, float | str]],
     given: Mapping[str, object],
 ) -> Unknowns:
-    names = tuple(free)
-    if isinstance(free, str) or not names:
+    names = listed_names("free", free)
+    if not names:
         raise UsageError("AC056", "no parameter is free", help="free=['drill.k_c11', 'drill.z']")
     declared = {p.path: p for p in compiled.flat.parameters}
     present = dict(zip(compiled.parameters, compiled.parameter_values, strict=True))

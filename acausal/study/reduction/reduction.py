@@ -12,7 +12,7 @@ import numpy as np
 
 from acausal.analyse.delays import PADE, refuse_delays
 from acausal.arrays import Vector
-from acausal.errors import AcausalError
+from acausal.errors import AcausalError, listed_names
 from acausal.flatten.connections.connections import UnionFind
 from acausal.flatten.instances.instances import changing
 from acausal.language.component import Component
@@ -189,7 +189,7 @@ def reduce(
         Any error of the model.
     """
     name_of = {lasting: name for name, lasting in lasting_names(model).items()}
-    outputs = [renamed(name, name_of) for name in outputs]
+    outputs = [renamed(name, name_of) for name in listed_names("outputs", outputs)]
     full = compile(model, parameters=parameters, formulation=formulation)
     refuse_delays(full.flat, "reduce", "simulate it whole, or " + PADE)
     compiled = compile(

@@ -15,7 +15,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.errors import DeclarationError, UsageError
+from acausal.errors import DeclarationError, UsageError, listed_names
 from acausal.flatten.parameters import given_values
 from acausal.language.component import Component
 from acausal.language.declarations.declaration import Kind
@@ -268,7 +268,7 @@ def _task(
             )
         signals = compiled.continuous
     known = _without_rows(compiled)
-    wanted = [fit for name in signals for fit in fitting(name, known.names) or [name]]
+    wanted = [fit for name in listed_names("signals", signals) for fit in fitting(name, known.names) or [name]]
     found = [s for name in wanted for s in known.elements(name)[1] if s.name not in names]
     kept = tuple({s.name: s for s in found}.values())
     if not kept:
