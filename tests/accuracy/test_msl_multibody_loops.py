@@ -27,24 +27,17 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 class Fourbar1(Component):
     """Spatial four-bar: seven joints in one loop, one degree of freedom."""
 
-    world: World = part()
-    base: Fixed = part()
-    j1: Revolute = part()
-    b1: BodyCylinder = part()
-    j2: Prismatic = part()
-    b2: BodyCylinder = part()
+    world: World = World()
+    base: Fixed = Fixed(r=(1.2, 0.0, 0.0))
+    j1: Revolute = Revolute(n=X, phi=fixed(0.0), w=fixed(math.radians(300.0)))
+    b1: BodyCylinder = BodyCylinder(r=(0.0, 0.5, 0.1), diameter=0.05)
+    j2: Prismatic = Prismatic(n=X, s=guess(-0.2))
+    b2: BodyCylinder = BodyCylinder(r=(0.0, 0.2, 0.0), diameter=0.05)
     joints: list[Revolute] = part()
-    b3: BodyCylinder = part()
+    b3: BodyCylinder = BodyCylinder(r=(-1.0, 0.3, 0.1), diameter=0.05)
 
     def build(self) -> None:
-        self.world = World()
-        self.base = Fixed(r=(1.2, 0.0, 0.0))
-        self.j1 = Revolute(n=X, phi=fixed(0.0), w=fixed(math.radians(300.0)))
-        self.b1 = BodyCylinder(r=(0.0, 0.5, 0.1), diameter=0.05)
-        self.j2 = Prismatic(n=X, s=guess(-0.2))
-        self.b2 = BodyCylinder(r=(0.0, 0.2, 0.0), diameter=0.05)
         self.joints = [Revolute(n=n) for n in (Y, Z, X, Y, Z)]
-        self.b3 = BodyCylinder(r=(-1.0, 0.3, 0.1), diameter=0.05)
 
     def equations(self) -> Equations:
         about_y, about_z, *ball = self.joints

@@ -41,17 +41,15 @@ class Probe(Component):
     tilt: float = structural(default=0.0)
     x: Real = parameter(default=0.0, unit="m")
     v: Real = parameter(default=0.02, unit="m/s")
-    world: World = part()
+    world: World = World()
     holder: FixedRotation = part()
-    slide: Prismatic = part()
+    slide: Prismatic = Prismatic(n=UP)
     drive: Position = part()
     plate: DrillGeometry = part()
     convex: ConvexDrillGeometry = part()
 
     def build(self) -> None:
-        self.world = World()
         self.holder = FixedRotation(r=(self.x, 0.0, 0.0), R_rel=axis_rotation((0.0, 1.0, 0.0), self.tilt))
-        self.slide = Prismatic(n=UP)
         self.drive = Position(s_ref=self.v * time - quantity(20.0, "mm"))
         tool = TWIST_DRILL_16MM
         self.plate = DrillGeometry(d=tool.d, sigma=tool.sigma, t=0.01)

@@ -50,24 +50,21 @@ class AtTheEdge(Component):
     level: PlateLevel | ConvexLevel = structural(default=PlateLevel("plate"))
     x: Real = parameter(default=0.0, unit="m")
     u: Real = parameter(default=0.0, unit="m/s")
-    world: World = part()
+    world: World = World(g=0.0)
     beam: Prismatic = part()
     slide: Prismatic = part()
     spindle: Revolute = part()
     drill: DrillingForce = part()
     across: Position = part()
-    feed: Position = part()
-    speed: Speed = part()
+    feed: Position = Position(s_ref=quantity(FEED, "m/s") * time - quantity(1.0, "mm"))
+    speed: Speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def build(self) -> None:
         up = (0.0, 0.0, 1.0)
-        self.world = World(g=0.0)
         self.beam, self.slide = Prismatic(n=(1.0, 0.0, 0.0)), Prismatic(n=up)
         self.spindle = Revolute(n=up, phi=fixed(0.0))
         self.drill = DrillingForce(level=self.level, t=0.05, k=1e8, d_c=2e4)
         self.across = Position(s_ref=self.x + self.u * time)
-        self.feed = Position(s_ref=quantity(FEED, "m/s") * time - quantity(1.0, "mm"))
-        self.speed = Speed(w_ref=2 * math.pi * 9.28)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.beam.frame_a, self.drill.frame_w)

@@ -81,15 +81,13 @@ class CurrentBridge(Component):
 
     source: electrical.SineCurrent = part()
     diodes: Any = part()
-    load: electrical.Resistor = part()
-    ground: electrical.Ground = part()
+    load: electrical.Resistor = electrical.Resistor(R=10.0)
+    ground: electrical.Ground = electrical.Ground()
     phase: float = structural(default=0.0)
 
     def build(self) -> None:
         self.source = electrical.SineCurrent(I=1.0, f=50.0, phase=self.phase)
         self.diodes = [electrical.IdealDiode(Ron=0.0, Goff=0.0) for _ in range(4)]
-        self.load = electrical.Resistor(R=10.0)
-        self.ground = electrical.Ground()
 
     def equations(self) -> Equations:
         a, b, c, d = self.diodes

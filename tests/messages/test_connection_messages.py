@@ -95,12 +95,8 @@ class Signals(Component):
 
 @corpus.broken("AC105", "b.r", "yield connect(self.a.x, self.b.r)")
 class SignalsOfDifferentShape(Component):
-    a: Signals = part()
-    b: Signals = part()
-
-    def build(self) -> None:
-        self.a = Signals()
-        self.b = Signals()
+    a: Signals = Signals()
+    b: Signals = Signals()
 
     def equations(self) -> Equations:
         yield connect(self.a.x, self.b.r)
@@ -108,12 +104,8 @@ class SignalsOfDifferentShape(Component):
 
 @corpus.broken("AC154", "b.f", "yield connect(self.a.x, self.b.f)")
 class SignalsOfDifferentUnit(Component):
-    a: Signals = part()
-    b: Signals = part()
-
-    def build(self) -> None:
-        self.a = Signals()
-        self.b = Signals()
+    a: Signals = Signals()
+    b: Signals = Signals()
 
     def equations(self) -> Equations:
         yield connect(self.a.x, self.b.f)
@@ -174,14 +166,9 @@ class EquationWithAStranger(Component):
     "AC132", "one.y and two.y", "yield connect(self.one.y, self.gain.u)", "yield connect(self.two.y, self.gain.u)"
 )
 class TwoSources(Component):
-    one: blocks.Constant = part()
-    two: blocks.Constant = part()
-    gain: blocks.Gain = part()
-
-    def build(self) -> None:
-        self.one = blocks.Constant(k=1.0)
-        self.two = blocks.Constant(k=2.0)
-        self.gain = blocks.Gain(k=1.0)
+    one: blocks.Constant = blocks.Constant(k=1.0)
+    two: blocks.Constant = blocks.Constant(k=2.0)
+    gain: blocks.Gain = blocks.Gain(k=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.one.y, self.gain.u)
@@ -190,12 +177,8 @@ class TwoSources(Component):
 
 @corpus.broken("AC137", "force.u", "translational.Force(u=1.0)")
 class BoundAndConnected(Component):
-    signal: blocks.Constant = part()
-    force: translational.Force = part()
-
-    def build(self) -> None:
-        self.signal = blocks.Constant(k=1.0)
-        self.force = translational.Force(u=1.0)
+    signal: blocks.Constant = blocks.Constant(k=1.0)
+    force: translational.Force = translational.Force(u=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.signal.y, self.force.u)

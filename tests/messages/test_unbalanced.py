@@ -93,12 +93,11 @@ class BoundPosition(Scene):
     """The constructor of the mass gets an expression for a variable that its equations determine."""
 
     x: Real = variable(unit="m")
-    spring: translational.Spring = part()
+    spring: translational.Spring = translational.Spring(c=1.0)
 
     def build(self) -> None:
         self.wall = translational.Fixed()
         self.mass = translational.Mass(m=1.0, s=self.x)
-        self.spring = translational.Spring(c=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.wall.flange, self.spring.flange_a)
@@ -110,18 +109,11 @@ class BoundPosition(Scene):
 class LooseCapacitor(Component):
     """ModelingToolkit issue 1544, "ExtraEquationsSystemException": the list of extra equations is empty there."""
 
-    resistor1: electrical.Resistor = part()
-    resistor2: electrical.Resistor = part()
-    capacitor: electrical.Capacitor = part()
-    source: electrical.ConstantVoltage = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.resistor1 = electrical.Resistor(R=1.0)
-        self.resistor2 = electrical.Resistor(R=2.0)
-        self.capacitor = electrical.Capacitor(C=1.0)
-        self.source = electrical.ConstantVoltage(V=1.0)
-        self.ground = electrical.Ground()
+    resistor1: electrical.Resistor = electrical.Resistor(R=1.0)
+    resistor2: electrical.Resistor = electrical.Resistor(R=2.0)
+    capacitor: electrical.Capacitor = electrical.Capacitor(C=1.0)
+    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.resistor1.p)
@@ -134,12 +126,8 @@ class LooseCapacitor(Component):
 class RigidByEquation(Component):
     """Two masses are tied by an equation instead of a connection: no force belongs to it."""
 
-    left: translational.Mass = part()
-    right: translational.Mass = part()
-
-    def build(self) -> None:
-        self.left = translational.Mass(m=1.0)
-        self.right = translational.Mass(m=1.0)
+    left: translational.Mass = translational.Mass(m=1.0)
+    right: translational.Mass = translational.Mass(m=1.0)
 
     def equations(self) -> Equations:
         yield self.left.s == self.right.s
@@ -242,12 +230,8 @@ class Plant(Component):
 class OneHereOneThere(Component):
     """An equation too many in one part, one too few in another: the model as a whole is balanced."""
 
-    controller: Controller = part()
-    plant: Plant = part()
-
-    def build(self) -> None:
-        self.controller = Controller()
-        self.plant = Plant()
+    controller: Controller = Controller()
+    plant: Plant = Plant()
 
     def equations(self) -> Equations:
         yield connect(self.controller.y, self.plant.u)
