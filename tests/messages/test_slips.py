@@ -166,10 +166,7 @@ class TooLate(rotational.Inertia):
 
 @slip("AC160", "lookup (CombiTable1D): this is no table: row 3 of 3, (1.0, 3.0), does not lie beyond", "CombiTable1D(")
 class EqualAbscissae(Component):
-    lookup: blocks.CombiTable1D = part()
-
-    def build(self) -> None:
-        self.lookup = blocks.CombiTable1D(table=((0.0, 1.0), (1.0, 2.0), (1.0, 3.0)))
+    lookup: blocks.CombiTable1D = blocks.CombiTable1D(table=((0.0, 1.0), (1.0, 2.0), (1.0, 3.0)))
 
     def equations(self) -> Equations:
         yield self.lookup.u == time
@@ -222,10 +219,7 @@ class StartsAtState(Bound):
     "CombiTable1D(",
 )
 class MissingValue(Component):
-    lookup: blocks.CombiTable1D = part()
-
-    def build(self) -> None:
-        self.lookup = blocks.CombiTable1D(table=((0.0, 1.0), (1.0, math.nan), (2.0, 3.0)))
+    lookup: blocks.CombiTable1D = blocks.CombiTable1D(table=((0.0, 1.0), (1.0, math.nan), (2.0, 3.0)))
 
     def equations(self) -> Equations:
         yield self.lookup.u == time
@@ -235,10 +229,7 @@ class MissingValue(Component):
     "AC130", "source (TimeTable): row 1 of 2 of the table, (0.0, inf), holds a number that is not finite", "TimeTable("
 )
 class MissingLevel(Component):
-    source: blocks.TimeTable = part()
-
-    def build(self) -> None:
-        self.source = blocks.TimeTable(table=((0.0, math.inf), (1.0, 2.0)))
+    source: blocks.TimeTable = blocks.TimeTable(table=((0.0, math.inf), (1.0, 2.0)))
 
 
 class Made(Component):
@@ -259,10 +250,7 @@ class Asking(Made):
 
 @slip("AC109", "Made defines __init__", "def __init__(self) -> None:")
 class HoldsOne(Component):
-    made: Made = part()
-
-    def build(self) -> None:
-        self.made = Made()
+    made: Made = Made()
 
 
 @slip("AC109", "Made defines __init__", "def __init__(self) -> None:")
@@ -322,49 +310,33 @@ slip("AC150", 'unknown unit "dge"', "variable(unit=unit)", "declare in SI")(name
     "AC132", "two sources drive one signal: sine.y and gain.y", "connect(", "to invert a model state `sine.y == gain.y`"
 )
 class TwoOutputs(Component):
-    sine: blocks.Sine = part()
-    gain: blocks.Gain = part()
-
-    def build(self) -> None:
-        self.sine = blocks.Sine(f=1.0)
-        self.gain = blocks.Gain(k=2.0)
+    sine: blocks.Sine = blocks.Sine(f=1.0)
+    gain: blocks.Gain = blocks.Gain(k=2.0)
 
     def equations(self) -> Equations:
         yield connect(self.sine.y, self.gain.y)
 
 
-@slip("AC203", "R.p and R.n: R is connected to nothing", "self.R = ", "or leave it out")
+@slip("AC203", "R.p and R.n: R is connected to nothing", "R: ", "or leave it out")
 class AloneResistor(Component):
-    R: electrical.Resistor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.R = electrical.Resistor(R=1.0)
-        self.ground = electrical.Ground()
+    R: electrical.Resistor = electrical.Resistor(R=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
 
-@slip("AC203", "joint.frame_a: joint is connected to nothing", "self.joint = ", "or leave it out")
+@slip("AC203", "joint.frame_a: joint is connected to nothing", "joint: ", "or leave it out")
 class AloneJoint(Component):
     world: multibody.World = multibody.World()
-    joint: multibody.Revolute = part()
-
-    def build(self) -> None:
-        self.joint = multibody.Revolute()
+    joint: multibody.Revolute = multibody.Revolute()
 
 
-@slip("AC203", "rod.frame_a: nothing moved by left and right has mass", "self.rod = ", "connect a Body to rod.frame_a")
+@slip("AC203", "rod.frame_a: nothing moved by left and right has mass", "rod: ", "connect a Body to rod.frame_a")
 class RodBetweenSprings(Component):
     """World was advised, which would hold the rod."""
 
     world: multibody.World = multibody.World()
-    left: multibody.Spring = part()
-    rod: multibody.FixedTranslation = part()
-    right: multibody.Spring = part()
-
-    def build(self) -> None:
-        self.left = multibody.Spring(c=10.0)
-        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
-        self.right = multibody.Spring(c=10.0)
+    left: multibody.Spring = multibody.Spring(c=10.0)
+    rod: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+    right: multibody.Spring = multibody.Spring(c=10.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.left.frame_a, self.right.frame_b)
@@ -372,35 +344,25 @@ class RodBetweenSprings(Component):
         yield connect(self.rod.frame_b, self.right.frame_a)
 
 
-@slip("AC203", "rod.frame_a: nothing moved by ball has mass", "self.rod = ", "connect a Body to rod.frame_a")
+@slip("AC203", "rod.frame_a: nothing moved by ball has mass", "rod: ", "connect a Body to rod.frame_a")
 class RodOnABall(Component):
     world: multibody.World = multibody.World()
-    ball: multibody.Spherical = part()
-    rod: multibody.FixedTranslation = part()
-
-    def build(self) -> None:
-        self.ball = multibody.Spherical()
-        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+    ball: multibody.Spherical = multibody.Spherical()
+    rod: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.ball.frame_a)
         yield connect(self.ball.frame_b, self.rod.frame_a)
 
 
-@slip("AC212", "coil.heatPort is not connected", "self.coil = ", "connect coil.heatPort")
+@slip("AC212", "coil.heatPort is not connected", "coil: ", "connect coil.heatPort")
 class OpenHeatPort(Component):
     """With an inductor in series it compiled, and no start was found for the current."""
 
-    source: electrical.SineVoltage = part()
-    coil: electrical.HeatingResistor = part()
-    inductor: electrical.Inductor = part()
-    ground: electrical.Ground = part()
-
-    def build(self) -> None:
-        self.source = electrical.SineVoltage(V=10.0, f=5.0)
-        self.coil = electrical.HeatingResistor(R_ref=5.0, alpha=1e-3)
-        self.inductor = electrical.Inductor(L=1.0)
-        self.ground = electrical.Ground()
+    source: electrical.SineVoltage = electrical.SineVoltage(V=10.0, f=5.0)
+    coil: electrical.HeatingResistor = electrical.HeatingResistor(R_ref=5.0, alpha=1e-3)
+    inductor: electrical.Inductor = electrical.Inductor(L=1.0)
+    ground: electrical.Ground = electrical.Ground()
 
     def equations(self) -> Equations:
         yield connect(self.source.p, self.coil.p)
@@ -408,35 +370,25 @@ class OpenHeatPort(Component):
         yield connect(self.inductor.n, self.source.n, self.ground.p)
 
 
-@slip("AC212", "brake.heatPort is not connected", "self.brake = ", "connect brake.heatPort")
+@slip("AC212", "brake.heatPort is not connected", "brake: ", "connect brake.heatPort")
 class OpenBrake(Component):
-    rotor: rotational.Inertia = part()
-    brake: rotational.EddyCurrentTorque = part()
-
-    def build(self) -> None:
-        self.rotor = rotational.Inertia(J=1.0, w=fixed(3.0))
-        self.brake = rotational.EddyCurrentTorque(tau_nominal=1.0, w_nominal=10.0)
+    rotor: rotational.Inertia = rotational.Inertia(J=1.0, w=fixed(3.0))
+    brake: rotational.EddyCurrentTorque = rotational.EddyCurrentTorque(tau_nominal=1.0, w_nominal=10.0)
 
     def equations(self) -> Equations:
         yield connect(self.rotor.flange_b, self.brake.flange)
         yield self.brake.exc == 1.0
 
 
-@slip("AC204", "equations of outer, rod and mass", "self.outer = ")
+@slip("AC204", "equations of outer, rod and mass", "outer: ")
 class PointOnTheAxis(Component):
     """A point on the axis of the second joint does not turn with it: no loop is closed here, and none is named."""
 
     world: multibody.World = multibody.World()
-    inner: multibody.Revolute = part()
-    outer: multibody.Revolute = part()
-    rod: multibody.FixedTranslation = part()
-    mass: multibody.PointMass = part()
-
-    def build(self) -> None:
-        self.inner = multibody.Revolute()
-        self.outer = multibody.Revolute(n=(1.0, 0.0, 0.0))
-        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
-        self.mass = multibody.PointMass(m=1.0)
+    inner: multibody.Revolute = multibody.Revolute()
+    outer: multibody.Revolute = multibody.Revolute(n=(1.0, 0.0, 0.0))
+    rod: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+    mass: multibody.PointMass = multibody.PointMass(m=1.0)
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.inner.frame_a)
@@ -445,15 +397,11 @@ class PointOnTheAxis(Component):
         yield connect(self.rod.frame_b, self.mass.frame_a)
 
 
-@slip("AC201", "free.r_rel_a[0]", "self.free = ", "connect a Body there")
+@slip("AC201", "free.r_rel_a[0]", "free: ", "connect a Body there")
 class NothingToMove(Component):
     world: multibody.World = multibody.World()
-    free: multibody.FreeMotion = part()
-    rod: multibody.FixedTranslation = part()
-
-    def build(self) -> None:
-        self.free = multibody.FreeMotion()
-        self.rod = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+    free: multibody.FreeMotion = multibody.FreeMotion()
+    rod: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
 
     def equations(self) -> Equations:
         yield connect(self.world.frame_b, self.free.frame_a)
