@@ -13,7 +13,23 @@ from typing import Any
 import pytest
 
 import acausal
-from acausal import Component, Equations, Expr, Real, der, discrete, fixed, reset, structural, time, variable, when
+from acausal import (
+    Component,
+    Equations,
+    Expr,
+    Real,
+    der,
+    discrete,
+    fixed,
+    pre,
+    reset,
+    sqrt,
+    structural,
+    time,
+    variable,
+    when,
+    where,
+)
 from tests.marks import slow_but
 
 _W = 1e-12
@@ -58,3 +74,26 @@ def test_a_relation_that_is_steep_at_the_start_is_passed(relation: str, solver: 
         instant = position if is_steady else math.sqrt(2.0 * position)
         # x is known to 1e-8 at the start, which accelerated from rest is passed after 1.4e-4 s
         assert float(r.final("when_passed")) == pytest.approx(instant, abs=2e-6 if position > 0.1 else 1.5e-4)
+
+
+class Beside(Component):
+    """A step of height one, over 1e-9, where another relation has an event: it never reaches 1.25."""
+
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+    counted: Real = discrete(default=0.0)
+
+    def equations(self) -> Equations:
+        away = self.x - 0.5
+        yield der(self.x) == 1.0 - 0.01 * self.y
+        yield der(self.y) == where(self.x > 0.5, 1.0, 0.0)
+        yield when(away / sqrt(away**2 + 1e-18) > 1.25, reset(self.counted, pre(self.counted) + 1.0))
+
+
+@pytest.mark.parametrize("native", [False, True])
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas", "erk"])
+def test_a_step_beside_an_event_is_not_passed(solver: str, native: bool) -> None:
+    """By its slope there, its noise was a thousand times its height, and its clause acted (`Guards.steady`)."""
+    result = acausal.simulate(Beside(), stop_time=1.0, solver=solver, native=native)
+    assert result.final("counted") == 0.0
+    assert [event.condition for event in result.events] == ["x > 0.5"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
+from acausal.analyse.events.partial_relations import Existence
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 
 KINKS = frozenset(("max", "min", "fabs"))
@@ -18,7 +19,7 @@ _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div"))
 def by_modes(
     pool: Pool,
     roots: Sequence[int],
-    definitions: Mapping[int, int],
+    existence: Existence,
     located: Collection[int],
     watched: Iterable[int],
     rewritten: dict[int, int],
@@ -28,7 +29,7 @@ def by_modes(
     `located` are relations of the equations, `watched` those of kinks (`located_kinks.py`); `rewritten` maps nodes to
     their replacements so far. Kinks that keep the argument of a root, power or quotient in its domain stay unchanged.
     """
-    domain_conditions = _domain_conditions(pool, roots, definitions)
+    domain_conditions = _domain_conditions(pool, roots, existence.defined)
     watched_set, done, branches = set(watched), dict(rewritten), dict[int, int]()
     done |= {n: n for n in watched_set}  # modes are identified by these nodes
     side_of = sides(pool, (*located, *watched_set))
@@ -36,12 +37,21 @@ def by_modes(
     for number in pool.reachable(roots):
         if number in rewritten or number in watched_set or number in domain_conditions or number in located:
             continue
-        decision = deciding_relation(pool, number, side_of)
-        if decision is None:
-            continue
-        relation, holds = decision
-        branch = done[relation] if holds else pool.make("not", done[relation])
         op, *operands = pool.nodes[number]
+        parts = existence.relations(number) if op in RELATIONS else [number]
+        modes = dict[int, int]()
+        for part in parts:
+            decision = deciding_relation(pool, part, side_of)
+            if decision is not None:
+                relation, holds = decision
+                modes[part] = done[relation] if holds else pool.make("not", done[relation])
+        if len(modes) < len(parts):
+            continue
+        branch = modes[parts[-1]]
+        if len(parts) > 1:
+            exists, _ = existence.parts(number)
+            pool.rewrite([exists], pool.var, modes)
+            branch = pool.make("and", modes[exists], branch)
         if op in KINKS:
             pool.rewrite(operands, pool.var, done)
             u, *rest = (done[n] for n in operands)

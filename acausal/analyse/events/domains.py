@@ -108,7 +108,7 @@ class _Extensions:
             if op in ("pow", "sqrt") and self._is_clamped(op, operands):
                 done[number] = _clamped(pool, op, operand_images)
             elif guard is not None and op in _PARTIAL and self._may_fail(op, operands):
-                done[number] = self._extension(op, operand_images, guard)
+                done[number] = extended(pool, op, operand_images, guard)
             else:
                 done[number] = number if operand_images == operands else pool.make(op, *operand_images)
         return done
@@ -256,14 +256,15 @@ class _Extensions:
                 return self._at_this_point(node, holds, strict)
         return condition if holds else pool.make("not", condition)
 
-    def _extension(self, op: str, q: list[int], guard: _Guard) -> int:
-        """`op` of `q` in its domain or under its guard, else its extension; each is finite where the other applies."""
-        pool = self.pool
-        domain, instead, beyond, ends = _EXTENSIONS[op](pool, q)
-        allowed = pool.make("or", domain, guard.strict if ends else guard.loose)
-        allowed = pool.make("noevent", allowed)
-        inside = [n if s is None else pool.where(allowed, n, s) for n, s in zip(q, instead, strict=True)]
-        return pool.where(allowed, pool.make(op, *inside), beyond)
+
+def extended(pool: Pool, op: str, q: list[int], guard: _Guard | None = None) -> int:
+    """`op` of `q` in its domain or under a guard, else its extension; each is finite where the other applies."""
+    domain, instead, beyond, ends = _EXTENSIONS[op](pool, q)
+    allowed = domain
+    if guard is not None:
+        allowed = pool.make("noevent", pool.make("or", domain, guard.strict if ends else guard.loose))
+    inside = [n if s is None else pool.where(allowed, n, s) for n, s in zip(q, instead, strict=True)]
+    return pool.where(allowed, pool.make(op, *inside), beyond)
 
 
 def _clamped(pool: Pool, op: str, q: list[int]) -> int:

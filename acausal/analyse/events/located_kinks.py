@@ -31,6 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.events.partial_relations import Existence
 from acausal.analyse.events.steep import STEPS, steep
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
@@ -189,10 +190,11 @@ def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
             yield number, operands[0], graph.pool.zero
         elif op == "where":
             for relation in graph.pool.reachable([operands[0]]):
-                kind, *compared = nodes[relation]
-                if kind in RELATIONS and relation not in located and moving[relation]:
-                    # Order the sides as those of a > b; a < b is exactly b > a.
-                    yield number, *(compared if kind in ("gt", "le") else reversed(compared))
+                if nodes[relation][0] in RELATIONS and relation not in located and moving[relation]:
+                    for part in graph.existence.relations(relation):
+                        # Order the sides as those of a > b; a < b is exactly b > a.
+                        kind, *compared = nodes[part]
+                        yield number, *(compared if kind in ("gt", "le") else reversed(compared))
 
 
 class _Graph:
@@ -209,6 +211,7 @@ class _Graph:
         blocks = [b for b in structure.blocks if not rate_variables.isdisjoint(b.columns)]
         self.unknowns = {structure.residuals[e]: b.columns for b in blocks for e in b.rows}
         self.reachable = self.pool.reachable(self.unknowns)
+        self.existence = Existence(solution, self.moves, quotients=False)
         self.above: dict[int, list[int]] = {}
         self.moving: dict[int, bool] = {}
         for number in self.reachable:

@@ -2,7 +2,7 @@
 
 Interval arithmetic (R. E. Moore, Interval Analysis, 1966): 1 + e - cos(x) is never below e, cosh(x) never below one.
 Dependent terms are treated as independent, so that a range may be too wide but never too narrow. Ranges of `minimum`,
-`maximum` and `fabs` are unbounded here: their kinks are located (`acausal.analyse.events.located_kinks`).
+`maximum` and `fabs` are unbounded unless asked for: their kinks are located (`acausal.analyse.events.located_kinks`).
 """
 
 from __future__ import annotations
@@ -22,14 +22,18 @@ _BOUNDED: dict[str, Range] = {
     "asin": (-math.pi / 2, math.pi / 2),
     "acos": (0.0, math.pi),
     "atan2": (-math.pi, math.pi),
-    "sqrt": (0.0, math.inf),
     "exp": (0.0, math.inf),
     "cosh": (1.0, math.inf),
 }
 
 
-def ranges(pool: Pool, reachable: Iterable[int], constant: Callable[[int], float | None]) -> dict[int, Range]:
-    """Ranges of nodes, given in evaluation order; `constant` returns the value of a constant node, else None."""
+def ranges(
+    pool: Pool, reachable: Iterable[int], constant: Callable[[int], float | None], kinks: bool = False
+) -> dict[int, Range]:
+    """Ranges of nodes, given in evaluation order; `constant` returns the value of a constant node, else None.
+
+    With `kinks`, also those of `minimum`, `maximum` and `fabs`.
+    """
     range_of: dict[int, Range] = {}
     for number in reachable:
         value = constant(number)
@@ -37,7 +41,10 @@ def ranges(pool: Pool, reachable: Iterable[int], constant: Callable[[int], float
         if value is not None:
             range_of[number] = (value, value) if math.isfinite(value) else _ALL
         else:
-            range_of[number] = _range(op, operands, [range_of.get(n, _ALL) for n in operands if isinstance(n, int)])
+            operand_ranges = [range_of.get(n, _ALL) for n in operands if isinstance(n, int)]
+            range_of[number] = _range(op, operands, operand_ranges)
+            if kinks and op in ("min", "max", "fabs"):
+                range_of[number] = _piecewise(op, operand_ranges)
     return range_of
 
 
@@ -47,6 +54,8 @@ def _range(op: object, operands: list[int], operand_ranges: list[Range]) -> Rang
     if op == "mul" and operands[0] == operands[1]:
         return _square(operand_ranges[0])
     match op, operand_ranges:
+        case "sqrt", [a]:
+            return math.sqrt(max(a[0], 0.0)), math.sqrt(max(a[1], 0.0))
         case "add", [a, b]:
             return a[0] + b[0], a[1] + b[1]
         case "sub", [a, b]:
@@ -61,6 +70,14 @@ def _range(op: object, operands: list[int], operand_ranges: list[Range]) -> Rang
             low, high = _square(a)
             return _power(low, e / 2.0), _power(high, e / 2.0)
     return _ALL
+
+
+def _piecewise(op: str, operand_ranges: list[Range]) -> Range:
+    low, high = (tuple(ends) for ends in zip(*operand_ranges, strict=True))
+    if op == "fabs":
+        return max(low[0], -high[0], 0.0), max(abs(low[0]), abs(high[0]))
+    choice = min if op == "min" else max
+    return choice(low), choice(high)
 
 
 def _square(a: Range) -> Range:

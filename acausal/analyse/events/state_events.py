@@ -20,6 +20,7 @@ from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.domains import guarded
 from acausal.analyse.events.jumping_tables import jumping_tables, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
+from acausal.analyse.events.partial_relations import Existence, in_domains
 from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.steep import Moving
 from acausal.analyse.events.time_events import TimeEvents, segment_number
@@ -95,6 +96,8 @@ class StateEvents:
     watched: frozenset[int] = frozenset()
     # Indices of `relations` whose sides may stay equal for a while (`resting.py`).
     resting: frozenset[int] = frozenset()
+    # Maps relations with extensions beyond the domains of their functions to what the model says (`in_domains`).
+    written: dict[int, int] = field(default_factory=dict)
 
     @property
     def conditions(self) -> tuple[int, ...]:
@@ -143,20 +146,25 @@ def find_state_events(
     visible = _visible(pool, roots)
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
-    branches = split_at_kinks(kinks, solution.structure.points, visible, dict(rewritten))
+    done = dict(rewritten)
+    existence = Existence(solution, moves, quotients=True)
+    below_no_event = Existence(solution, moves, quotients=False)
+    branches = in_domains(pool, existence, visible, done)
+    branches |= split_at_kinks(kinks, solution.structure.points, visible, done)
     all_visible = [*visible, *_visible(pool, branches.values())]
     branches |= _jumps(pool, all_visible, steps, moves, {**rewritten, **branches}, definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.branches:
         located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
         integrated = [*solution.residuals, *(n for v, n in solution.definitions if v in solution.needed)]
-        kink_branches = by_modes(
-            pool, [*roots, *integrated], dict(solution.definitions), located, kinks_to_locate.watched, done
-        )
+        kink_branches = by_modes(pool, [*roots, *integrated], below_no_event, located, kinks_to_locate.watched, done)
         branches |= kink_branches
         done = {**rewritten, **branches}
         # Beyond a kink that became a branch, a root or a power may be undefined, as beyond any relation.
         roots += set(integrated).difference(roots) if kink_branches else ()
+    # those below `no_event`, too, but none of the steps that solve a block
+    stated = pool.reachable([*event_nodes, *solution.structure.residuals])
+    branches |= in_domains(pool, below_no_event, stated, done)
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.bursts:
@@ -179,6 +187,7 @@ def find_state_events(
         asserts,
         frozenset((*stretch_ends, *range(len(relations), len(relations) + len(kinks_to_locate.watched)))),
         frozenset(k for k, n in enumerate(relations) if n in resting),
+        existence.written,
     )
 
 

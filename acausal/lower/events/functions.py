@@ -90,7 +90,8 @@ class EventFunctions:
     def texts(self) -> tuple[str, ...]:
         """Texts of the relations for messages; twins share the text of the strict relation."""
         reduced = self.compiled.solution.structure.reduced
-        texts = [reduced.text(n) for n in self.compiled.state_events.relations]
+        events = self.compiled.state_events
+        texts = [reduced.text(events.written.get(n, n)) for n in events.relations]
         strict = [next((j for j in t if self.ties[k] == 1), k) for k, t in enumerate(self.twins)]
         return tuple(texts[k] for k in strict)
 

@@ -94,8 +94,10 @@ def _lowered(
     pool = reduced.pool
     kinks = LocatedKinks()
     if any(pool.nodes[n][0] in _KINKS | _BURSTS for n in pool.reachable(roots)):
-        split_relations = [n for n in compiled.state_events.rewritten if pool.nodes[n][0] in RELATIONS]
-        located = *compiled.state_events.relations, *compiled.time_events.relations, *split_relations
+        located = {*compiled.state_events.relations, *compiled.time_events.relations}
+        images = compiled.state_events.rewritten.items()
+        # those below `no_event` have images, too, but no guards
+        located |= {n for n, image in images if pool.nodes[n][0] in RELATIONS and located & {*pool.reachable([image])}}
         kinks = located_kinks(solution, located, discrete_variables(reduced), system, slopes=branches)
     if not kinks.watched and not kinks.bursts and not numbers:
         return None, kinks

@@ -29,9 +29,11 @@ _LOAD_ROUNDING = 1e-13
 _GOLDEN = 0.618
 # Guards are located to this fraction of their noise.
 LOCATED = 1e-2
+# Where the noise beside a point is less than this fraction of that at the point, a guard is steep for a moment only.
+_STEADY = 0.1
 # The slowest rate that is assumed to predict when a guard is reached.
 _SLOWEST = 1e-30
-# The largest distance, so that differences of guards are finite where a limit is infinite.
+# The largest distance on either side, so that differences of guards are finite where a limit is infinite.
 FAR = 1e100
 
 
@@ -102,7 +104,8 @@ class Guards:
 
     def distances(self, t: float, at: Moment) -> Vector:
         """The guards, which are positive while the regime lasts; shape (guards,)."""
-        return np.minimum(at.regime.active_set.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0], FAR)
+        found = at.regime.active_set.guards(t, at.x, at.z, self.problem.u, self.problem.p, at.m)[0]
+        return np.clip(found, -FAR, FAR)
 
     def state(self, t: float, at: Moment) -> tuple[Vector, Vector, Vector]:
         """Distances at the end of a step, their rates, and their noise; shapes (guards,).
@@ -123,11 +126,8 @@ class Guards:
         `between`: Whether the point is within a step, so that its errors have not relaxed.
         `distances`: Those at this point, if they are known.
         """
-        problem, errors = self.problem, self._errors(at)
-        rates, noise, by_z, alg, alg_z = at.regime.active_set.rates(t, at.x, at.z, problem.u, problem.p, at.m, *errors)
-        if len(at.z):
-            z_rates = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
-            rates = rates - by_z.reshape(len(rates), -1) @ z_rates
+        errors = self._errors(at)
+        rates, noise = self._rates(t, at.x, at, errors)
         if self.step > 0.0 and not between:
             near = noise > np.abs(self.distances(t, at) if distances is None else distances)
             if near.any():
@@ -135,6 +135,15 @@ class Guards:
         noise += np.abs(rates) * same_instant(self.span, t)  # instants are located only up to rounding errors
         noise[noise == 0.0] = LEAST
         return rates, _finite(noise + self._load_noise(at))
+
+    def _rates(self, t: float, x: Vector, at: Moment, errors: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        """Rates of the guards at some states, and what these errors make of the distances."""
+        p = self.problem
+        rates, noise, by_z, alg, alg_z = at.regime.active_set.rates(t, x, at.z, p.u, p.p, at.m, *errors)
+        if len(at.z):
+            z_rates = np.linalg.lstsq(alg_z.reshape(len(at.z), -1), alg.ravel(), rcond=None)[0]
+            rates = rates - by_z.reshape(len(rates), -1) @ z_rates
+        return rates, noise
 
     def _load_noise(self, at: Moment) -> float:
         """An element at its limit beside others that are stuck is at its guard up to rounding errors of loads."""
@@ -160,14 +169,22 @@ class Guards:
         Where a slope is steep for a moment (`1/(x + 1e-12)` at zero), noise by this slope exceeds all values that the
         guard will ever have: a guard is at rest only if its value is small beside this point, too.
         """
-        problem, errors, found = self.problem, self._errors(at), np.full(len(at.regime.active_set.owners), -np.inf)
+        errors, found = self._errors(at), np.full(len(at.regime.active_set.owners), -np.inf)
         shift = errors[0] * (1.0 - 0.5 * (np.arange(len(at.x)) * _GOLDEN % 1.0))  # no two states by the same fraction
         for x in (at.x + shift, at.x - shift):
-            rates, beside, *_ = at.regime.active_set.rates(t, x, at.z, problem.u, problem.p, at.m, *errors)
+            rates, beside = self._rates(t, x, at, errors)
             beside = beside + np.abs(rates) * same_instant(self.span, t)
             found = np.fmax(found, np.where(np.isfinite(beside), beside, -np.inf))
         known: Truth = np.isfinite(found)
         return np.where(known, np.minimum(noise, np.maximum(found + self._load_noise(at), LEAST)), noise)
+
+    def are_steep(self, t: float, at: Moment, g: Vector, noise: Vector) -> Truth:
+        """Guards that are steep for a moment only, and away from zero by what they are known to beside this point.
+
+        Where a step of width 1e-9 is in its middle, its slope takes it far beyond its height, within errors of states.
+        """
+        free, steady = at.regime.active_set.side < 0, self.steady(t, at, noise)
+        return np.asarray(free & (steady < _STEADY * noise) & (np.abs(g) > LOCATED * steady))
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """The noise of these guards after errors of the states have relaxed over a step (`ActiveSet.relaxed`).
@@ -207,11 +224,14 @@ class Guards:
     def along(self, times: Vector, x: Vector, z: Vector, m: Vector, regime: Regime) -> Vector:
         """Guards at n instants, shape (n, guards)."""
         found = regime.active_set.guards.many(times[:, None], x.T, z.T, self.problem.u, self.problem.p, m)
-        return np.minimum(found, FAR, out=found)
+        return np.clip(found, -FAR, FAR, out=found)
 
     def fired(self, t: float, at: Moment) -> Truth:
         """Guards that end the regime at this event: all that are reached and falling, or else the nearest one."""
         found, ahead = self._reached(t, at)
+        if found.sum() > 1:  # beside the one that was located
+            g, _, noise = self.state(t, at)
+            found &= (g < 0.0) | ~self.are_steep(t, at, g, noise)
         if not found.any():
             found[int(np.argmin(np.abs(ahead)))] = True
         return found

@@ -438,12 +438,15 @@ class Iteration:
         rate, noise = self.guards.rates(t, moment, distances=g)
         relations, sides = moment.regime.active_set.owner, moment.regime.active_set.side
         free = sides < 0
+        own_noise = noise
         tally.noise[relations[free]] = np.maximum(tally.noise[relations[free]], noise[free])
         noise = np.where(free & (tally.flips[relations] > 1), tally.noise[relations], noise)
         wrong = g < -2 * noise
         # a fraction of the noise, because a thin plate has its other side within it; or the accuracy of instants
         is_at_guard = g <= np.maximum(LOCATED * noise, np.abs(rate) * same_instant(self.guards.span, t))
         leaves = is_at_guard & (rate < -noise)
+        if leaves.any():
+            leaves &= ~self.guards.are_steep(t, moment, g, own_noise)
         # the instant may have been located too early: the present mode holds for nanoseconds, the other not yet
         chatters = tally.flips[relations] >= _CHATTER
         is_early = leaves & (g > 0.0) & chatters

@@ -107,8 +107,8 @@ struct space {
   double *assigned, *next_x, *next_m, *next_was, *next_decided, *acting, *applied, *conditions, *remembered, *asserts; /* of rounds */
   double *was, *decided;
   double next_level, settled, clash, level;
-  double *g, *rate, *error, *noise, *largest_noise, *band, *later_band, *no_band, *approach, *beside_rate, *beside_noise;
-  double *before_x, *before_m, *left_m, *instants, *lengths, *row, *ahead, *parameters, *x0, *nodes;
+  double *g, *rate, *error, *noise, *largest_noise, *band, *later_band, *no_band, *approach, *beside, *beside_rate, *beside_noise;
+  double *beside_x, *before_x, *before_m, *left_m, *instants, *lengths, *row, *ahead, *parameters, *x0, *nodes;
   struct node node[DEEPEST + 2];
   double first, past; /* state of the step size control */
   double step;        /* over which errors of stiff components have relaxed, 0 if unknown */
@@ -121,7 +121,7 @@ struct space {
   double *regime, *held; /* constants, modes and discrete variables, and the values that they alone determine */
   int is_held;
   double* last; /* scaled states from which the integrator took its last step before it was stopped */
-  unsigned char *fired, *purpose;
+  unsigned char *fired, *leaves, *resting, *purpose;
   count_t* flips;
   casadi_int arguments, results;
 };
@@ -276,6 +276,28 @@ static int rates_at(const struct event_loop* s, struct space* o, double t, const
 
 static int take_rates(const struct event_loop* s, struct space* o, double t) { return rates_at(s, o, t, s->x); }
 
+/* Whether the noise of these guards is as large beside the states of this node, within their errors; if not, their
+   slopes are steep for a moment only (`Guards.rates`). */
+static int are_steady(struct event_loop* s, struct space* o, double t, const unsigned char* near) {
+  count_t k, side;
+  take_errors(s, o, s->x);
+  for (k = 0; k < s->relations; ++k) o->beside[k] = ROUNDED; /* as in rates_at */
+  for (side = 0; side < 2; ++side) {
+    for (k = 0; k < s->states; ++k)
+      o->beside_x[k] = s->x[k] + (side ? -1 : 1) * o->error[k] * (1 - 0.5 * fmod(GOLDEN * (double) k, 1));
+    o->arg[0] = &t; o->arg[1] = o->beside_x; o->arg[2] = o->held; o->arg[3] = o->error;
+    o->res[0] = 0; o->res[1] = o->beside_rate; o->res[2] = o->beside_noise; o->res[3] = 0;
+    if (judged(o->arg, o->res, o->iw, o->w, 0)) return 0;
+    for (k = 0; k < s->relations; ++k) {
+      double noise = o->beside_noise[k] + fabs(o->beside_rate[k]) * as_one(s, t);
+      if (isfinite(noise)) o->beside[k] = most(o->beside[k], noise);
+    }
+  }
+  for (k = 0; k < s->relations; ++k)
+    if (near[k] && o->beside[k] < STEADY * o->noise[k]) return 0;
+  return 1;
+}
+
 static count_t first_relation(const struct event_loop* s) { return s->modes - s->relations; }
 
 /* The rounds of an event, in rounds.c. */
@@ -318,9 +340,10 @@ static int find_fired(struct event_loop* s, struct space* o, double t) {
     double away = fabs(o->g[k]), speed = fabs(o->rate[k]);
     int near = away <= most(LOCATED * o->noise[k], speed * instant);
     o->fired[k] = o->g[k] < 0 || (near && o->rate[k] < 0);
-    any |= o->fired[k];
+    any += o->fired[k];
     if (away / most(speed, 1e-30) < least) { least = away / most(speed, 1e-30); nearest = k; }
   }
+  if (any > 1 && !are_steady(s, o, t, o->fired)) return UNUSUAL;
   if (!any) o->fired[nearest] = 1;
   return 0;
 }

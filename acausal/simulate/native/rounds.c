@@ -13,7 +13,7 @@ static int memories_are_current(const struct event_loop* s, const struct space* 
 static int decide(struct event_loop* s, struct space* o, double t, count_t* turn) {
   count_t round, k;
   for (round = 0; round < MOST_ROUNDS; ++round) {
-    int moved = 0, wrong = 0, leaving, far = 1;
+    int moved = 0, wrong = 0, leaves = 0, leaving, far = 1;
     if (take_round(s, o, t, s->m)) return UNUSUAL;
     for (k = 0; k < s->assigned; ++k) {
       double* held = s->x + s->assigned_at[k];
@@ -33,13 +33,16 @@ static int decide(struct event_loop* s, struct space* o, double t, count_t* turn
       double near = most(LOCATED * noise, fabs(o->rate[k]) * as_one(s, t));
       double* mode = s->m + first_relation(s) + k;
       int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
-      if (o->g[k] < -2 * noise || untied || ((leaving || s->timed[k]) && o->g[k] <= near && o->rate[k] < -noise)) {
+      o->leaves[k] = (leaving || s->timed[k]) && o->g[k] <= near && o->rate[k] < -noise;
+      leaves |= o->leaves[k];
+      if (o->g[k] < -2 * noise || untied || o->leaves[k]) {
         *mode = 1.0 - *mode;
         if (++o->flips[k] >= CHATTER) return UNUSUAL;
         wrong = 1;
       }
     }
     if (!wrong) return 0;
+    if (leaves && !are_steady(s, o, t, o->leaves)) return UNUSUAL;
     if (++*turn >= AT_ONCE) return UNUSUAL;
   }
   return UNUSUAL;

@@ -92,9 +92,9 @@ static int pass_event(struct event_loop* s, struct space* o, double time) {
   struct event_loop kept = *s;
   count_t k;
   int changed = 0, status;
+  status = find_fired(s, o, time);
   memcpy(o->x0, s->x, s->states * sizeof(double));
   memcpy(o->left_m, s->m, s->modes * sizeof(double));
-  status = find_fired(s, o, time);
   memcpy(o->approach, o->rate, s->relations * sizeof(double));
   for (k = 0; !status && k < s->relations; ++k)
     if (o->fired[k]) s->m[first_relation(s) + k] = 1.0 - s->m[first_relation(s) + k];
@@ -113,31 +113,6 @@ static int pass_event(struct event_loop* s, struct space* o, double time) {
   return 0;
 }
 
-/* Whether the noise of resting guards is as large beside the states of this node, within their errors; if not, their
-   slopes are steep for a moment only (`Guards.steady`). */
-static int are_steady(struct event_loop* s, struct space* o) {
-  count_t k, side;
-  int any = 0;
-  for (k = 0; k < s->relations; ++k) any |= o->later_band[k] > 0;
-  if (!any) return 1;
-  take_errors(s, o, s->x);
-  for (k = 0; k < s->relations; ++k) o->approach[k] = ROUNDED; /* as in rates_at */
-  for (side = 0; side < 2; ++side) {
-    for (k = 0; k < s->states; ++k)
-      o->x0[k] = s->x[k] + (side ? -1 : 1) * o->error[k] * (1 - 0.5 * fmod(GOLDEN * (double) k, 1));
-    o->arg[0] = &s->here; o->arg[1] = o->x0; o->arg[2] = o->held; o->arg[3] = o->error;
-    o->res[0] = 0; o->res[1] = o->beside_rate; o->res[2] = o->beside_noise; o->res[3] = 0;
-    if (judged(o->arg, o->res, o->iw, o->w, 0)) return 0;
-    for (k = 0; k < s->relations; ++k) {
-      double noise = o->beside_noise[k] + fabs(o->beside_rate[k]) * as_one(s, s->here);
-      if (isfinite(noise)) o->approach[k] = most(o->approach[k], noise);
-    }
-  }
-  for (k = 0; k < s->relations; ++k)
-    if (o->later_band[k] > 0 && o->approach[k] < STEADY * o->noise[k]) return 0;
-  return 1;
-}
-
 /* Integrate over a stretch, and the event that ends it. */
 static int integrate_stretch(struct event_loop* s, struct space* o) {
   double end = s->boundary[s->segment + 1], far = 1e-13 * most(s->span, fabs(s->here)), begin = s->here;
@@ -145,7 +120,7 @@ static int integrate_stretch(struct event_loop* s, struct space* o) {
   count_t points = s->relations ? mesh_points(s, end - s->here) : 1, mesh = 1; /* the end is always one */
   count_t wide = 0, k, steps = s->steps;
   double time;
-  int found = 0;
+  int found = 0, resting = 0;
   s->begun = s->steps;
   s->run.doubts = s->run.sample ? 0 : 1;
   o->step = s->first;
@@ -160,14 +135,15 @@ static int integrate_stretch(struct event_loop* s, struct space* o) {
   if (s->trail_capacity && s->trail + (until - from) + points + 1 > s->trail_capacity) return FULL;
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
-    int resting = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
+    o->resting[k] = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
+    resting |= o->resting[k];
     /* one that still falls, as its mode was kept a little longer, passes its guard by as much as can be distinguished */
-    o->later_band[k] = resting ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
-    o->band[k] = !resting && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * as_one(s, s->here))
+    o->later_band[k] = o->resting[k] ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
+    o->band[k] = !o->resting[k] && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * as_one(s, s->here))
       ? most(-BEHIND * o->g[k], 0.0) : o->later_band[k];
     o->no_band[k] = NEVER;
   }
-  if (!are_steady(s, o)) return UNUSUAL;
+  if (resting && !are_steady(s, o, s->here, o->resting)) return UNUSUAL;
   for (k = from; k < until || mesh <= points;) { /* outputs and mesh points, merged */
     double at = mesh < points ? s->here + (end - s->here) * mesh / points : end;
     if (mesh <= points && (k == until || at <= s->times[k])) {
@@ -241,12 +217,12 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
-                     r, r, n, r, r, r, r, r, r, r, r, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
+                     r, r, n, r, r, r, r, r, r, r, r, r, n, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
                      n, s->modes, r, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach,
-                      &o->beside_rate, &o->beside_noise, &o->before_x, &o->before_m, &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
+                      &o->beside, &o->beside_rate, &o->beside_noise, &o->beside_x, &o->before_x, &o->before_m, &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
                       &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
                       &o->relaxed_noise, &o->mean_rate, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;
@@ -281,7 +257,7 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   o.settled = 1.0; /* with PLAIN, no event needs rounds */
   used = lay_out(s, &o, 0, wide);
   memory = malloc(sizeof(double) * (used + (size_t) (sizes[3] + 1)));
-  bytes = malloc((size_t) (s->relations + wide + 1));
+  bytes = malloc((size_t) (3 * s->relations + wide + 1));
   o.arguments = sizes[0] + 9;
   o.results = sizes[1] + 13;
   o.arg = malloc(sizeof(double*) * (size_t) o.arguments);
@@ -299,7 +275,8 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
     memcpy(o.regime, s->constant, s->constants * sizeof(double));
     s->run.held = o.held; /* up to date whenever the integrator is called */
     o.w = memory + used;
-    o.fired = bytes; o.purpose = o.fired + s->relations;
+    o.fired = bytes; o.leaves = o.fired + s->relations; o.resting = o.leaves + s->relations;
+    o.purpose = o.resting + s->relations;
     while (!status && s->segment < s->boundaries - 1) {
       struct event_loop kept = *s;
       memcpy(o.before_x, s->x, s->states * sizeof(double));

@@ -1,7 +1,8 @@
-"""The note on relations that had no value in a run, such as `log(x) > 1` where x is negative.
+"""The note on relations that had no value in a run, because an external function returned nan.
 
-A relation without a value keeps the mode it had, and is false at the start. No guard shows the instant at which it has
-one again, so that this is only found within the step of the search. The rows of a run show both.
+Such a relation keeps the mode it had, and is false at the start. No guard shows the instant at which it has a value
+again, so that this is only found within the step of the search. The rows of a run show both. The domains of other
+functions are known (`acausal.analyse.events.partial_relations`).
 """
 
 from __future__ import annotations
@@ -13,13 +14,10 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.diagnose.words import listed
-from acausal.flatten.reduced import ReducedSystem
+from acausal.language.expressions.external import Call
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.record.record import Recorder
-
-# Quotients are not among them, because they have no value at single points only.
-_PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,49 +47,29 @@ def undefined_relations(recorder: Recorder, p: Vector, u: Vector) -> tuple[str, 
     texts = [compiled.events.texts[k] for k, is_nan in zip(suspects.relations, found.T, strict=True) if is_nan.any()]
     names = listed(list(dict.fromkeys(texts)), 4)
     return (
-        f"{names}: no value (a root or logarithm of a negative number) in {len(rows)} of {len(times)} rows, first at "
+        f"{names}: no value (an external function returned nan) in {len(rows)} of {len(times)} rows, first at "
         f"t = {times[rows[0]]:.9g} s; it keeps its mode, false at the start, and the instant at which it has a value "
-        "again is inexact: keep to the domain, as in sqrt(maximum(x, 0)) > 1",
+        "again is inexact: let the function return a number everywhere",
     )
 
 
 def _suspects(compiled: CompiledModel) -> _Suspects | None:
-    """The relations that depend on a function which does not exist everywhere; None if there are none."""
-    events, reduced = compiled.state_events, compiled.solution.structure.reduced
-    if not any(_may_be_nan(reduced, n) for n in range(len(reduced.pool.nodes))):
-        return None
+    """The relations that depend on an external function; None if there are none."""
+    events, pool = compiled.state_events, compiled.solution.structure.reduced.pool
+    calls = {n for n, (op, *_) in enumerate(pool.nodes) if isinstance(op, Call)}
     definitions = dict(compiled.solution.definitions)
+
+    def nodes_behind(node: int) -> list[int]:
+        behind = pool.variables_behind([node], definitions)
+        return pool.reachable([node, *(definitions[v] for v in behind if v in definitions)])
+
     relations = tuple(
         k
-        for k, node in enumerate(events.relations)
-        if k not in events.watched and _is_partial(reduced, node, definitions)
+        for k, node in enumerate(events.relations if calls else ())
+        if k not in events.watched and not calls.isdisjoint(nodes_behind(node))
     )
     if not relations:
         return None
     function = compiled.events.distances
     inputs = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     return _Suspects(relations, NarrowFunction("partial", inputs, function(*inputs)[list(relations)]))
-
-
-def _may_be_nan(reduced: ReducedSystem, node: int) -> bool:
-    """Whether a node is a function that does not exist everywhere; integer powers do."""
-    op, *operands = reduced.pool.nodes[node]
-    if op != "pow":
-        return op in _PARTIAL
-    kind, *value = reduced.pool.nodes[operands[1]]
-    return kind != "const" or not float(value[0]).is_integer()
-
-
-def _is_partial(reduced: ReducedSystem, node: int, definitions: dict[int, int]) -> bool:
-    """Whether such a function is below a node or the definitions of its variables."""
-    seen: set[int] = set()
-    ahead = [node]
-    while ahead:
-        below = reduced.pool.reachable(ahead, seen)
-        if any(_may_be_nan(reduced, n) for n in below):
-            return True
-        operations = [reduced.pool.nodes[n] for n in below]
-        seen.update(below)
-        ahead = [definitions[k] for op, *rest in operations if op == "var" for k in rest if k in definitions]
-        ahead = [n for n in ahead if n not in seen]
-    return False

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.events.guards import LOCATED
+from acausal.simulate.events.guards import FAR, LATE, LEAST, LOCATED, Guards, Moment, same_instant
 
 _FINE, _COARSE, _FEWEST = 8, 6, 4
 # The limit of the sum of the magnitudes of the weights, by which errors at the mesh points are amplified; the sum is 2
@@ -258,3 +258,21 @@ class LeftGuards:
                 mean = (values[:, k] - self.values[k]) / since
             found[:, k] = np.where(since > 0.0, mean, self.rates[k])
         return found
+
+
+def left_guards(guards: Guards, t: float, moment: Moment, band: Vector) -> tuple[LeftGuards, Vector]:
+    """Guards at the start of a stretch, and how far below zero those that do not leave it may be; shape (guards,)."""
+    count = len(moment.regime.active_set.owners)
+    if not count:
+        zeros = np.zeros(0)
+        return LeftGuards(t, zeros, np.zeros(0, dtype=bool), zeros, zeros), band
+    g, rates, noise = guards.state(t, moment)
+    leaving = (g <= noise) & (rates > noise)
+    # a guard that leaves zero may be negative by rounding errors for a while, but not later on
+    noises = np.where(leaving, np.maximum(LOCATED * noise, band), 0.0)
+    poles = leaving & ~(rates < FAR)
+    if poles.any():  # beyond it, nothing is known of the error
+        noises[poles] = np.maximum(-2.0 * g[poles], LEAST)
+        rates = np.where(poles, noises / (LATE * same_instant(guards.span, t)), rates)
+    band = np.where(leaving, 0.0, band)
+    return LeftGuards(t, np.maximum(g + band, 0.0), leaving, rates, noises), band

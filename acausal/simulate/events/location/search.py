@@ -23,7 +23,7 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
 from acausal.simulate.events.location.arrival import Arrival
-from acausal.simulate.events.location.between import LeftGuards, lowest, root
+from acausal.simulate.events.location.between import left_guards, lowest, root
 from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.patience import Patience
@@ -171,16 +171,8 @@ class Search:
             self.pace = mean_step or self.pace
 
     def _task(self, segment: Segment, moment: Moment, band: Vector, record: Record) -> Task:
-        count = len(moment.regime.active_set.owners)
-        values, rates, noises, leaving = (np.zeros(count, dtype=d) for d in (float, float, float, bool))
-        if count:
-            g, rates, noise = self.guards.state(segment.start, moment)
-            leaving = (g <= noise) & (rates > noise)
-            # a guard that leaves zero may be negative by rounding errors for a while, but not later on
-            noises = np.where(leaving, np.maximum(LOCATED * noise, band), 0.0)
-            band = np.where(leaving, 0.0, band)
-            values = np.maximum(g + band, 0.0)
-        start = LeftGuards(segment.start, values, leaving, rates, noises)
+        start, band = left_guards(self.guards, segment.start, moment, band)
+        values = start.values
         times = np.array([segment.start])
         bare = replace(segment, partial=True, bare=True)
         task = Task(bare, moment, band, start, record, times, values[None, :], values, segment, Withdrawn(values))
@@ -394,13 +386,15 @@ class Search:
     def _is_significant(
         self, task: Task, mesh: Mesh, row: int, low: Vector, may_pass: Truth, piece: Piece, rows: NDArray[np.int64]
     ) -> bool:
-        """Whether guards may fall below zero by more than their error in the interval after a row."""
-        t = float(mesh.times[row])
-        if float(mesh.times[row + 1]) - t <= _DIVISION * meshing.resolution(t, self.span):
+        """Whether guards may fall below zero after a row, or by more than their error if they are within it there."""
+        t, end = mesh.times[row : row + 2].tolist()
+        if end - t <= _DIVISION * meshing.resolution(t, self.span):
             return False
         noise = 2.0 * self.guards.rates(t, self._at(task, mesh, row, piece, rows))[1]
-        leaving = task.start.leaving
-        noise[leaving] /= max(t - task.start.time, float(mesh.times[row + 1]) - t)
+        noise[task.start.leaving] /= max(t - task.start.time, end - t)
+        if not task.finer:
+            task.away = np.asarray((mesh.values[row : row + 2] > noise).all(axis=0))
+        noise[task.away] = 0.0
         return bool((low < -noise)[may_pass].any())
 
     def _hastened(

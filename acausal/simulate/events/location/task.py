@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from acausal.arrays import Vector
+import numpy as np
+
+from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import Moment
 from acausal.simulate.events.location.between import LeftGuards
 from acausal.simulate.events.location.withdrawn import Withdrawn
@@ -50,7 +52,8 @@ class Task:
     """The rest of a stretch, and the state of its search.
 
     `finer` are nested intervals that are sampled more finely: where each ends, and the distance of its points [s].
-    `looked_until` is where the last one of them has ended that is not nested [s].
+    `looked_until` is where the last one of them has ended that is not nested [s]. Guards that are `away` exceed their
+    error at both ends of that one, shape (guards,): an excursion that is smaller than their error is one all the same.
     """
 
     segment: Segment
@@ -63,6 +66,7 @@ class Task:
     largest: Vector
     quadratures_from: Segment
     withdrawn: Withdrawn
+    away: Truth = field(default_factory=lambda: np.zeros(0, dtype=bool))
     finer: list[tuple[float, float]] = field(default_factory=list)
     shrink: float = 1.0
     steps_allowed: int = MOST_STEPS

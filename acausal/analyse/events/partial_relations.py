@@ -1,0 +1,193 @@
+"""Relations that have no value everywhere, such as `sqrt(x) > c`: false where they have none, with an event at its end.
+
+A comparison with nan is false, in Python as in C. The guard of such a relation does not exist beyond the domain of its
+functions, and shows no instant at which that domain is entered. The relation therefore becomes `x >= 0 and g > c`,
+where `g` is the root in its domain and an odd extension beyond it, as in the branches of `domains.py`; both guards
+exist everywhere. Where the operand of a function is never outside its domain, as in `sqrt(x**2 + y**2)`, nothing
+changes.
+
+A quotient is nan where both of its operands are zero, which they may be for a while; where only its denominator is, it
+is infinite, and can be compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial, reduce
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.events.domains import extended
+from acausal.analyse.events.ranges import Range, ranges
+from acausal.flatten.pool import LEAVES, RELATIONS, Pool, closure
+
+_PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div"))
+_TINY = 1e-100
+# What a condition or a discrete memory below a relation contains is evaluated at events.
+_OPAQUE = frozenset((*RELATIONS, "and", "or", "not", "pre", "sample"))
+
+
+def in_domains(
+    pool: Pool,
+    existence: Existence,
+    visible: Iterable[int],
+    done: dict[int, int],
+) -> dict[int, int]:
+    """Images of those `visible` relations that have no value somewhere.
+
+    `done`: The images of other nodes; receives these.
+    """
+    images: dict[int, int] = {}
+    if not any(op in _PARTIAL for op, *_ in pool.nodes):
+        return images
+    for number in visible:
+        if pool.nodes[number][0] not in RELATIONS or number in done or not existence.moves(number):
+            continue
+        exists, everywhere = existence.parts(number)
+        if exists != pool.one:
+            existence.written[everywhere] = number
+            images[number] = done[number] = _both(pool, exists, everywhere)
+    return images
+
+
+class Existence:
+    """Where nodes of a pool have a value, and their extensions to where they have none.
+
+    `moves`: Whether a node varies between events.
+    `quotients`: Whether quotients are among the functions. Relations below `no_event` are evaluated wherever a solver
+        goes, so that none is missed there because it was nan where a stretch begins.
+
+    `written` maps relations with extensions in them to what the model says.
+    """
+
+    def __init__(self, solution: Solution, moves: Callable[[int], bool], *, quotients: bool) -> None:
+        self.functions = _PARTIAL if quotients else _PARTIAL - {"div"}
+        self.pool, self.points = solution.structure.reduced.pool, solution.structure.points
+        self.defined, self.moves = dict(solution.definitions), moves
+        self.conditions: dict[int, int] = {}
+        self.images: dict[int, int] = {}
+        self.written: dict[int, int] = {}
+
+    def parts(self, relation: int) -> tuple[int, int]:
+        """A node that is true where both sides have a value, and the relation of their extensions."""
+        pool = self.pool
+        op, *sides = pool.nodes[relation]
+        self._visit(sides)
+        exists = _both(pool, *(self.conditions[n] for n in sides))
+        if exists == pool.one:
+            return exists, relation
+        # the slope of a root has no bound at its zero, which is that of its operand
+        image = self._operand_of_root if pool.zero in sides else self.images.__getitem__
+        return exists, pool.make(op, *(image(n) for n in sides))
+
+    def _operand_of_root(self, side: int) -> int:
+        """The image of the operand of a root or power that is zero where its operand is; of the side itself if none."""
+        op, *operands = self.pool.nodes[side]
+        power = 0.5 if op == "sqrt" else self.pool.value(operands[1]) if op == "pow" else None
+        is_root = power is not None and power > 0.0 and power != round(power)
+        return self.images[operands[0] if is_root else side]
+
+    def relations(self, relation: int) -> list[int]:
+        """The relations that decide a relation: itself, or those of its parts."""
+        exists, everywhere = self.parts(relation)
+        return [*self._relations([exists]), everywhere]
+
+    def _relations(self, conditions: list[int]) -> list[int]:
+        nodes = self.pool.nodes
+        ends = closure(conditions, lambda n: nodes[n][1:] if nodes[n][0] in ("and", "or", "where") else ())
+        return sorted(n for n in ends if nodes[n][0] in RELATIONS)
+
+    def _visit(self, roots: Iterable[int]) -> None:
+        pool = self.pool
+        for number in pool.reachable(roots, self.conditions):
+            op, *operands = pool.nodes[number]
+            condition, image = pool.one, number
+            if op == "var" and operands[0] in self.defined:
+                node = self.defined[operands[0]]
+                self._visit([node])
+                condition = self.conditions[node]
+                image = number if condition == pool.one else self.images[node]
+            elif op == "where":
+                a, b = operands[1:]
+                condition = pool.where(operands[0], self.conditions[a], self.conditions[b])
+                image = pool.where(operands[0], self.images[a], self.images[b])
+            elif op not in LEAVES and op not in _OPAQUE:
+                for n in operands:
+                    condition = _both(pool, condition, self.conditions[n])
+                inside = [self.images[n] for n in operands]
+                image = number if inside == operands else pool.make(op, *inside)
+                own = self._domain(op, inside) if op in self.functions and self.moves(operands[op == "div"]) else []
+                if own:
+                    condition = reduce(partial(_both, pool), own, condition)
+                    image = self._extension(op, inside)
+                if own and inside != operands:
+                    written = self._relations(self._domain(op, operands))
+                    self.written |= zip(self._relations(own), written, strict=False)
+            self.conditions[number], self.images[number] = condition, image
+
+    def _domain(self, op: str, operands: list[int]) -> list[int]:
+        """The relations that hold in the domain of a function; none if its operand is always inside."""
+        pool = self.pool
+        if op == "div":
+            return self._nonzero(operands)
+        low, high = self._range(operands[0])
+        above = pool.make("gt" if op == "log" else "ge", operands[0], pool.zero)
+        if op in ("asin", "acos"):
+            ends = pool.make("ge", operands[0], pool.neg(pool.one)), pool.make("le", operands[0], pool.one)
+            return [end for end, inside in zip(ends, (low >= -1.0, high <= 1.0), strict=True) if not inside]
+        if op != "pow":
+            return [] if low > 0.0 or (low == 0.0 and op == "sqrt") else [above]
+        exponent = pool.value(operands[1])
+        if exponent is None:
+            remainder = pool.sub(operands[1], pool.make("floor", operands[1]))
+            integer = pool.make("noevent", pool.make("le", pool.make("noevent", remainder), pool.zero))
+            return [] if low >= 0.0 else [pool.make("or", integer, above)]
+        return [] if low >= 0.0 or exponent == round(exponent) else [above]
+
+    def _nonzero(self, operands: list[int]) -> list[int]:
+        """The relation that one of these is not zero; none if that is certain.
+
+        Only the denominator is located: the sign of the numerator has no meaning elsewhere.
+        """
+        pool = self.pool
+        for n in operands:
+            low, high = self._range(n, self._value)
+            if low > 0.0 or high < 0.0:
+                return []
+        numerator, denominator = operands
+        signs = [pool.make(op, denominator, pool.zero) for op, may in (("gt", high > 0.0), ("lt", low < 0.0)) if may]
+        numerator = pool.make("fabs", pool.make("noevent", numerator))
+        signs.append(pool.make("noevent", pool.make("gt", numerator, pool.zero)))
+        return [reduce(partial(pool.make, "or"), signs)]
+
+    def _extension(self, op: str, operands: list[int]) -> int:
+        """The function, or something that exists, beyond its domain.
+
+        Towards a pole at the end of its domain it stays as it is there: a guard must not come back from it.
+        """
+        pool = self.pool
+        exponent = pool.value(operands[-1]) if op == "pow" else None
+        if op == "log" or (exponent is not None and exponent < 0.0):
+            return pool.make(op, pool.make("max", operands[0], pool.const(_TINY)), *operands[1:])
+        if op != "div":
+            return extended(pool, op, operands)
+        a, b = operands
+        larger = pool.make("max", *(pool.make("fabs", pool.make("noevent", n)) for n in operands))
+        exists = pool.make("noevent", pool.make("gt", larger, pool.zero))
+        return pool.where(exists, pool.div(a, pool.where(exists, b, pool.one)), pool.zero)
+
+    def _value(self, number: int) -> float | None:
+        """The value of a node that does not vary: a parameter that is not zero is not expected to become zero."""
+        return None if self.moves(number) else float(self.points.of(number)[0])
+
+    def _range(self, number: int, value: Callable[[int], float | None] | None = None) -> Range:
+        """Bounds of a node, through the definitions of its variables; for any values of its parameters by default."""
+        nodes = self.pool.nodes
+        while nodes[number][0] == "var" and nodes[number][1] in self.defined:
+            number = self.defined[nodes[number][1]]
+        return ranges(self.pool, self.pool.reachable([number]), value or self.pool.value, kinks=True)[number]
+
+
+def _both(pool: Pool, a: int, b: int) -> int:
+    if pool.one in (a, b) or a == b:
+        return b if a == pool.one else a
+    return pool.make("and", a, b)
