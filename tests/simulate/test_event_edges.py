@@ -15,11 +15,13 @@ from acausal import (
     connect,
     der,
     discrete,
+    fabs,
     fixed,
     initial,
     reset,
     sample,
     sqrt,
+    structural,
     terminal,
     terminate,
     time,
@@ -157,3 +159,25 @@ def test_what_is_held_at_zero_rests(solver: str) -> None:
     r = acausal.simulate(Leaking(), stop_time=5.0, solver=solver, tolerance=1e-6)
     assert r.at(2.5, "h") == pytest.approx(0.0, abs=1e-9)
     assert len(r.events) <= 2
+
+
+class Tip(Component):
+    """A push of integral one while x passes a tip of half the width w."""
+
+    w: float = structural(default=1e-6)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield der(self.y) == where(1.0 - fabs((self.x - 0.5) / self.w) > 0.0, 0.5 / self.w, 0.0)
+
+
+@pytest.mark.parametrize("native", [False, True])
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas", "erk", "cvodes"])
+@pytest.mark.parametrize("w", [3e-5, 1e-6, 3e-7])
+def test_an_excursion_within_the_error_of_its_relation_is_one(w: float, solver: str, native: bool) -> None:
+    """By errors of 1e-5 of x it may as well be none; the solution itself has it, and interpreted runs passed it."""
+    result = acausal.simulate(Tip(w=w), stop_time=1.0, tolerance=1e-6, solver=solver, native=native)
+    assert result.final("y") == pytest.approx(1.0, abs=1e-3)
+    assert [event.time for event in result.events] == pytest.approx([0.5 - w, 0.5 + w], abs=1e-8)
