@@ -191,7 +191,10 @@ def _kinks(graph: _Graph, located: set[int]) -> Iterator[tuple[int, int, int]]:
         elif op == "where":
             for relation in graph.pool.reachable([operands[0]]):
                 if nodes[relation][0] in RELATIONS and relation not in located and moving[relation]:
-                    for part in graph.existence.relations(relation):
+                    # one without a value somewhere is looked at in its parts where only it decides the rate: guards of
+                    # roots are dear, and where a side varies, error control chooses the step by it
+                    decides = not any(graph.moves(n) for n in operands[1:])
+                    for part in graph.existence.relations(relation) if decides else [relation]:
                         # Order the sides as those of a > b; a < b is exactly b > a.
                         kind, *compared = nodes[part]
                         yield number, *(compared if kind in ("gt", "le") else reversed(compared))
@@ -211,7 +214,7 @@ class _Graph:
         blocks = [b for b in structure.blocks if not rate_variables.isdisjoint(b.columns)]
         self.unknowns = {structure.residuals[e]: b.columns for b in blocks for e in b.rows}
         self.reachable = self.pool.reachable(self.unknowns)
-        self.existence = Existence(solution, self.moves, quotients=False)
+        self.existence = Existence(solution, self.moves, exempt=True)
         self.above: dict[int, list[int]] = {}
         self.moving: dict[int, bool] = {}
         for number in self.reachable:

@@ -15,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import partial, reduce
 
+import numpy as np
+
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.domains import extended
 from acausal.analyse.events.ranges import Range, ranges
@@ -53,14 +55,16 @@ class Existence:
     """Where nodes of a pool have a value, and their extensions to where they have none.
 
     `moves`: Whether a node varies between events.
-    `quotients`: Whether quotients are among the functions. Relations below `no_event` are evaluated wherever a solver
-        goes, so that none is missed there because it was nan where a stretch begins.
+    `exempt`: Whether this is about relations below `no_event`. They are evaluated wherever a solver goes, and none
+        is missed because it was nan where a stretch begins: quotients are left out, and relations that have a value at
+        all sample points.
 
     `written` maps relations with extensions in them to what the model says.
     """
 
-    def __init__(self, solution: Solution, moves: Callable[[int], bool], *, quotients: bool) -> None:
-        self.functions = _PARTIAL if quotients else _PARTIAL - {"div"}
+    def __init__(self, solution: Solution, moves: Callable[[int], bool], *, exempt: bool) -> None:
+        self.functions = _PARTIAL - {"div"} if exempt else _PARTIAL
+        self.exempt = exempt
         self.pool, self.points = solution.structure.reduced.pool, solution.structure.points
         self.defined, self.moves = dict(solution.definitions), moves
         self.conditions: dict[int, int] = {}
@@ -71,6 +75,8 @@ class Existence:
         """A node that is true where both sides have a value, and the relation of their extensions."""
         pool = self.pool
         op, *sides = pool.nodes[relation]
+        if self.exempt and np.isfinite(self.points.everywhere(pool.sub(*sides))).all():
+            return pool.one, relation
         self._visit(sides)
         exists = _both(pool, *(self.conditions[n] for n in sides))
         if exists == pool.one:
@@ -129,7 +135,7 @@ class Existence:
         pool = self.pool
         if op == "div":
             return self._nonzero(operands)
-        low, high = self._range(operands[0])
+        low, high = self._range(operands[0], self.pool.value)
         above = pool.make("gt" if op == "log" else "ge", operands[0], pool.zero)
         if op in ("asin", "acos"):
             ends = pool.make("ge", operands[0], pool.neg(pool.one)), pool.make("le", operands[0], pool.one)
@@ -179,12 +185,12 @@ class Existence:
         """The value of a node that does not vary: a parameter that is not zero is not expected to become zero."""
         return None if self.moves(number) else float(self.points.of(number)[0])
 
-    def _range(self, number: int, value: Callable[[int], float | None] | None = None) -> Range:
-        """Bounds of a node, through the definitions of its variables; for any values of its parameters by default."""
+    def _range(self, number: int, value: Callable[[int], float | None]) -> Range:
+        """Bounds of a node, through the definitions of its variables, for values of those that are constant."""
         nodes = self.pool.nodes
         while nodes[number][0] == "var" and nodes[number][1] in self.defined:
             number = self.defined[nodes[number][1]]
-        return ranges(self.pool, self.pool.reachable([number]), value or self.pool.value, kinks=True)[number]
+        return ranges(self.pool, self.pool.reachable([number]), value, kinks=True)[number]
 
 
 def _both(pool: Pool, a: int, b: int) -> int:

@@ -147,8 +147,8 @@ def find_state_events(
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
     done = dict(rewritten)
-    existence = Existence(solution, moves, quotients=True)
-    below_no_event = Existence(solution, moves, quotients=False)
+    existence = Existence(solution, moves, exempt=False)
+    below_no_event = Existence(solution, moves, exempt=True)
     branches = in_domains(pool, existence, visible, done)
     branches |= split_at_kinks(kinks, solution.structure.points, visible, done)
     all_visible = [*visible, *_visible(pool, branches.values())]
