@@ -155,11 +155,10 @@ class Existence:
         Only the denominator is located: the sign of the numerator has no meaning elsewhere.
         """
         pool = self.pool
-        for n in operands:
-            low, high = self._range(n, self._value)
-            if low > 0.0 or high < 0.0:
-                return []
         numerator, denominator = operands
+        around, (low, high) = (self._range(n, self._value) for n in operands)
+        if max(around[0], low) > 0.0 or min(around[1], high) < 0.0:
+            return []
         signs = [pool.make(op, denominator, pool.zero) for op, may in (("gt", high > 0.0), ("lt", low < 0.0)) if may]
         numerator = pool.make("fabs", pool.make("noevent", numerator))
         signs.append(pool.make("noevent", pool.make("gt", numerator, pool.zero)))
