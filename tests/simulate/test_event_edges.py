@@ -174,8 +174,9 @@ class Tip(Component):
 
 
 @pytest.mark.parametrize("native", [False, True])
-@pytest.mark.parametrize("solver", ["rosenbrock", "idas", "erk", "cvodes"])
-@pytest.mark.parametrize("w", [3e-5, 1e-6, 3e-7])
+@pytest.mark.parametrize(
+    ("w", "solver"), [(1e-6, "rosenbrock"), (1e-6, "idas"), (3e-7, "erk"), (3e-7, "cvodes"), (3e-5, "rosenbrock")]
+)
 def test_an_excursion_within_the_error_of_its_relation_is_one(w: float, solver: str, native: bool) -> None:
     """By errors of 1e-5 of x it may as well be none; the solution itself has it, and interpreted runs passed it."""
     result = acausal.simulate(Tip(w=w), stop_time=1.0, tolerance=1e-6, solver=solver, native=native)

@@ -65,8 +65,10 @@ class Passing(Component):
         yield der(self.y) == where(no_event(holds) if self.exempt else holds, 1.0, -1.0)
 
 
-@pytest.mark.parametrize("solver", ["rosenbrock", "idas", "erk"])
-@pytest.mark.parametrize("exempt", [False, True])
+@pytest.mark.parametrize(
+    ("exempt", "solver"),
+    [(False, "rosenbrock"), (False, "idas"), (False, "erk"), (True, "idas")],  # the last one takes the longest steps
+)
 @pytest.mark.parametrize("number", range(len(RELATIONS)))
 def test_a_comparison_without_a_value_is_false(number: int, exempt: bool, solver: str) -> None:
     """Instants were 0.03 s early, a stretch was lost where a domain is left, and idas stepped over `no_event`."""
