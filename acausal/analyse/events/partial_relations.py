@@ -28,12 +28,7 @@ _TINY = 1e-100
 _OPAQUE = frozenset((*RELATIONS, "and", "or", "not", "pre", "sample"))
 
 
-def in_domains(
-    pool: Pool,
-    existence: Existence,
-    visible: Iterable[int],
-    done: dict[int, int],
-) -> dict[int, int]:
+def in_domains(pool: Pool, existence: Existence, visible: Iterable[int], done: dict[int, int]) -> dict[int, int]:
     """Images of those `visible` relations that have no value somewhere.
 
     `done`: The images of other nodes; receives these.

@@ -110,8 +110,7 @@ def sensitivities(
     ExportError
         AC608 if states are reset together with an impulse; AC615 if a relation is only just crossed or missed, if the
         run rests on a kink with two derivatives, begins on a relation with an effect, or has a rate that jumps without
-        an event, and if parameters move an event across the stop time, or move events apart that meet at one
-        instant and whose order matters.
+        an event, and if parameters move an event across the stop time, or move apart events whose order matters.
     AcausalError
         Errors of the run itself.
     """

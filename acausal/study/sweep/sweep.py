@@ -81,9 +81,8 @@ def sweep(
     model
         A component, or a compiled model. It is compiled once.
     vary
-        Parameters by path, in SI units: a `Range`, a sequence of values, or, with `sample`, a distribution of
-        `scipy.stats`. The grid has all combinations, the last name varies fastest. Or a sequence of mappings, one for
-        each member.
+        Parameters by path, in SI: a `Range`, values, or, with `sample`, a distribution of `scipy.stats`. The grid has
+        all combinations, the last name varies fastest. Or a sequence of mappings, one for each member.
     sample, seed
         "sobol:256", "halton:100", "lhs:100" or "random:1000" instead of the grid.
     signals
@@ -91,12 +90,11 @@ def sweep(
     parameters
         Values of other parameters, the same for all members.
     workers
-        Number of processes; by default the number of cores available to this process. With 1, everything runs in this
-        thread.
+        Number of processes, by default one for each available core; with 1, everything runs in this thread.
     executor
         Any `concurrent.futures.Executor`, or "processes" (default), "threads", "dask://host:port", or "dask://" for a
-        cluster of `workers` processes on this machine. It is opened before the first run. The first member, and the
-        second if the first is fast, run in this process, to check the request and to estimate the time of the others.
+        cluster of `workers` processes on this machine, opened before the first run. The first member, and the second if
+        the first is fast, run in this process, to check the request and to estimate the time of the others.
     file
         A `.sweep` file to which finished chunks go, and which must not contain a sweep yet; None: all is in memory.
     resume
@@ -115,8 +113,8 @@ def sweep(
     ------
     UsageError
         AC060 for an invalid variation, AC061 for a parameter that cannot be varied, AC062 for a file of another sweep,
-        AC063 for a Dask scheduler that does not answer, AC064 for a model that cannot be sent to workers, AC015 for a
-        missing package; and the errors of `compile` and of the first run for an invalid request.
+        AC063 for a silent Dask scheduler, AC064 for a model that cannot be sent to workers, AC015 for a missing
+        package; and the errors of `compile` and of the first run.
     RunError
         AC413 if the workers of a given executor are lost.
     """
