@@ -14,16 +14,20 @@ Source: M. N. Wegman, F. K. Zadeck, Constant propagation with conditional branch
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from acausal.analyse.blocks.elimination import safety
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.start import start_problem
+from acausal.flatten.flat import FlatSystem
 from acausal.flatten.pool import LEAVES, RELATIONS
-from acausal.reduce.intervals import EVERYTHING, Interval, decided, interval, parameter_limits
+from acausal.numeric.intervals import EVERYTHING, Interval, decided, interval, partial
 
 _KINKS = frozenset(("min", "max", "fabs"))
+# Bounds of a node that may have no value, such as the root of a negative number: they decide nothing, as nan does.
+_NO_VALUE: Interval = (math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ def bounds(solution: Solution, nodes: Sequence[int]) -> list[Interval]:
     propagation.run()
     for node in nodes:
         propagation.visit(node)
-    return [propagation.bounds[node] for node in nodes]
+    return [EVERYTHING if math.isnan(propagation.bounds[node][0]) else propagation.bounds[node] for node in nodes]
 
 
 class _Propagation:
@@ -57,7 +61,7 @@ class _Propagation:
         self.solution = solution
         self.pool = reduced.pool
         self.points = solution.structure.points
-        self.limits = parameter_limits(reduced.flat)
+        self.limits = _parameter_limits(reduced.flat)
         self.definition = dict(solution.definitions)
         self.known = _resting(solution)  # variable -> node it is taken to equal
         self.equal: dict[int, int] = {}  # node -> node of parameters that it equals
@@ -205,7 +209,10 @@ class _Propagation:
             return EVERYTHING
         if number in self.taken:
             return self.bounds.get(self.taken[number], EVERYTHING)
-        return interval(op, tuple(args), tuple(self.bounds[a] for a in args))
+        operands = [self.bounds[a] for a in args]
+        if partial(op, operands) or any(math.isnan(low) for low, _ in operands):
+            return _NO_VALUE
+        return interval(op, args, operands)
 
     def parameter_bounds(self, node: int) -> Interval:
         """Bounds of a node of parameters, which may be new."""
@@ -254,6 +261,17 @@ class _Propagation:
                 if chosen != self.taken[number]:
                     unsupported.append(number)
         return unsupported
+
+
+def _parameter_limits(flat: FlatSystem) -> list[Interval]:
+    """Interval of the values that a run accepts for each free parameter scalar, by its declared limits."""
+    limits = [EVERYTHING] * len(flat.parameter_values)
+    for parameter in flat.parameters:
+        if parameter.free:
+            for op, *number in (flat.pool.nodes[n] for n in parameter.nodes):
+                if op == "par":
+                    limits[number[0]] = (parameter.declaration.min, parameter.declaration.max)
+    return limits
 
 
 def _resting(solution: Solution) -> dict[int, int]:

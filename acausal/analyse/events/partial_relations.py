@@ -19,8 +19,8 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.domains import extended
-from acausal.analyse.events.ranges import Range, ranges
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool, closure
+from acausal.numeric.intervals import Interval, ranges
 
 _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div"))
 _TINY = 1e-100
@@ -179,7 +179,7 @@ class Existence:
         """The value of a node that does not vary: a parameter that is not zero is not expected to become zero."""
         return None if self.moves(number) else float(self.points.of(number)[0])
 
-    def _range(self, number: int, value: Callable[[int], float | None]) -> Range:
+    def _range(self, number: int, value: Callable[[int], float | None]) -> Interval:
         """Bounds of a node, through the definitions of its variables, for values of those that are constant."""
         nodes = self.pool.nodes
         while nodes[number][0] == "var" and nodes[number][1] in self.defined:

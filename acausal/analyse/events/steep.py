@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.analyse.events.ranges import ranges
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.numeric.intervals import ranges
 from acausal.numeric.samples import SamplePoints
 
 _NAMED = {"tanh": "tanh", "atan": "atan", "exp": "exp", "cosh": "cosh", "sinh": "cosh"}

@@ -14,10 +14,13 @@ from acausal import (
     Equations,
     Experiment,
     Real,
+    asin,
     der,
     fixed,
     parameter,
     signal_input,
+    sqrt,
+    structural,
     variable,
     where,
 )
@@ -58,6 +61,26 @@ def test_islands_solved_apart_give_the_same() -> None:
     # closed forms: sqrt(100/1) and sqrt(400/1) rad/s
     np.testing.assert_allclose(result["mass_a.s"], 0.1 * np.cos(10.0 * result.time), atol=1e-7)
     np.testing.assert_allclose(result["mass_b.s"], 0.2 * np.cos(20.0 * result.time), atol=1e-7)
+
+
+class Leaving(Component):
+    """A relation that holds wherever its function has a value, and is false beyond."""
+
+    angle: bool = structural(default=False)
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield self.y == where((asin(self.x) if self.angle else sqrt(self.x)) > -3.0, 1.0, 2.0)
+
+
+@pytest.mark.parametrize("angle", [False, True])
+def test_a_relation_without_a_value_is_not_decided(angle: bool) -> None:
+    """Every value of the root is above -3, but where x < 0 there is none, and the relation is false, as with nan."""
+    found = acausal.reduce(Leaving(angle=angle), ["y"], compare=False)
+    assert (found.constant, found.compiled.states) == ((), ("x",))
+    assert found.simulate(stop_time=3.0).final("y") == 2.0
 
 
 class TwoPulses(Component):
