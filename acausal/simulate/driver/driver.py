@@ -204,7 +204,7 @@ class Driver:
         if not stretch.opens:
             self._explain(stretch, self.agenda.schedule.outputs(position.segment))
         here, end = self.recorder.time, float(self.agenda.schedule.instants[position.segment + 1])
-        events = [t for t, _, _ in self.recorder.boundaries[self._boundary :]]
+        events = self.recorder.boundaries.times[self._boundary :]
         self.ended = not self.agenda.accepts(self.recorder, events, complete)
         if self.recorder.time < here:
             self.dynamics.terminated = None  # what ended the run has been cut
@@ -218,8 +218,7 @@ class Driver:
         an instant of the schedule, or to what happened at the first attempt.
         """
         causes = (*stretch.causes, *self._flipped())
-        _, *happened = self.recorder.boundaries[self._boundary]
-        if causes or any(happened):
+        if causes or any(self.recorder.boundaries.happenings[self._boundary]):
             self.recorder.explain(self._boundary, causes)
             return
         self.recorder.hide(self._row, self._boundary)

@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.arrays import Vector
+from acausal.arrays import Truth, Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.driver.agenda import Position, Schedule
 from acausal.simulate.driver.loop_memory import LoopMemory
@@ -28,6 +28,7 @@ from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library
 from acausal.simulate.native.program import Placed
+from acausal.simulate.record.boundaries import Happening
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import growth
@@ -83,9 +84,7 @@ def suits_event_loop(problem: Problem, solver: Solver) -> bool:
 
 
 # Descriptions of events by relations, clauses and states that have changed: all runs of a model have the same few.
-_KNOWN: WeakKeyDictionary[
-    CompiledModel, dict[tuple[bytes, tuple[int, ...], bytes], tuple[tuple[Cause, ...], tuple[str, ...]]]
-] = WeakKeyDictionary()
+_KNOWN: WeakKeyDictionary[CompiledModel, dict[bytes, Happening]] = WeakKeyDictionary()
 _MOST_KNOWN = 10_000
 
 
@@ -275,24 +274,30 @@ class EventLoop:
             for k, row in enumerate(starts.tolist()):
                 left, right = (before[k], modes[:, row]), (x[:, row], modes[:, row + 1])
                 self.trace(LoopEvent(float(self.memory.event_time[k]), self._reached(k), left, right, self._jumps(k)))
-        ends = [0, *self.memory.acts_end[: loop.events].tolist()]
-        acts = self.memory.act[: ends[-1]].tolist()
-        acted = [tuple(acts[first:last]) for first, last in pairwise(ends)]
-        fired, others = _row_bytes(self.memory.fired[: loop.events]), _row_bytes(moved)
-        happened = list(zip(fired, acted, others, strict=True))
-        for k, event in enumerate(happened):  # the same few occur again and again
-            if event not in self._known:
-                causes = self.explain(np.flatnonzero(self.memory.fired[k]).tolist(), list(event[1]))
-                self._known[event] = causes, tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
-        times_of_events = self.memory.event_time[: loop.events].tolist()
-        boundaries = [(t, *self._known[event]) for t, event in zip(times_of_events, happened, strict=True)]
+        happenings = self._happenings(loop.events, moved)
         counters = {
             "steps": float(loop.steps),
             "rhs_evaluations": float(loop.rhs),
             "jacobians": float(loop.jacobians),
             "rejected": float(loop.rejected),
         }
-        self.recorder.extend(times, x, m, boundaries, counters)
+        self.recorder.extend(times, x, m, self.memory.event_time[: loop.events].tolist(), happenings, counters)
+
+    def _happenings(self, events: int, moved: Truth) -> list[Happening]:
+        """What happened at each event, where `moved` are the states that have changed, shape (events, states)."""
+        fired, ends = self.memory.fired[:events], self.memory.acts_end[:events]
+        keys = _row_bytes(np.hstack([fired, moved]))
+        if events and ends[-1]:
+            acts = self.memory.act[: ends[-1]].tobytes()
+            parts = pairwise([0, *(self.memory.act.itemsize * ends).tolist()])
+            keys = [key + acts[first:last] for key, (first, last) in zip(keys, parts, strict=True)]
+        known = self._known
+        for key in [key for key in set(keys) if key not in known]:  # the same few occur again and again
+            k = keys.index(key)
+            acted = self.memory.act[ends[k - 1] if k else 0 : ends[k]].tolist()
+            changed = tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
+            known[key] = self.explain(np.flatnonzero(fired[k]).tolist(), acted), changed
+        return [known[key] for key in keys]
 
     def _reached(self, event: int) -> int | None:
         """The relation that was reached; None at a known instant."""

@@ -33,6 +33,7 @@ from acausal.simulate.events.location.between import between
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
+from acausal.simulate.record.boundaries import Boundaries
 from acausal.simulate.record.merge import Rows, merged
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
@@ -84,7 +85,7 @@ class Member:
             position = self._compiled(stretch, Position(0, stretch.start, False, False), None if whole else 1)
             if position is not None:
                 self._boundary, self.ahead = before + 1, position if whole else None
-                return self.recorder.boundaries[before][1:]
+                return self.recorder.boundaries.happenings[before]
         self.dynamics.enter(stretch)
         self._boundary = len(self.recorder.boundaries)
         if isinstance(self.dynamics, Smooth):
@@ -138,7 +139,7 @@ class Member:
     def rows(self) -> Rows:
         """The rows of the last part of a stretch, including the one at its start."""
         times, x, _, m = self.recorder.rows(self._first)
-        return Rows(times, x, m, tuple(self.recorder.boundaries[self._boundary :]))
+        return Rows(times, x, m, self.recorder.boundaries.since(self._boundary))
 
     def between(self, rows: Rows, starts: NDArray[np.int64], times: Vector) -> tuple[Vector, Vector]:
         """States and modes at other times, shapes (nx, n) and (nm, n), integrated from the rows `starts` before them.
@@ -351,8 +352,10 @@ class IndependentSystems:
         for member in self.members:
             add_counters(counters, member.recorder.counters)
             member.recorder.counters.clear()
-        boundaries = [(float(found.times[row]), causes, changed) for row, causes, changed in found.events]
-        self.recorder.extend(found.times, x, m, boundaries, counters)
+        instants = [float(found.times[row]) for row, _, _ in found.events]
+        self.recorder.extend(
+            found.times, x, m, instants, [(causes, changed) for _, causes, changed in found.events], counters
+        )
 
     def _filled(self, k: int, rows: Rows, times: Vector) -> tuple[Vector, Vector]:
         """States and modes of one system at events of the others."""
@@ -363,7 +366,7 @@ class IndependentSystems:
         x, m = (np.repeat(values[:, None], len(times), axis=1) for values in row)
         for member in self.members:
             own_times, own_x, _, own_m = member.recorder.rows()
-            rows = Rows(own_times, own_x, own_m, ())
+            rows = Rows(own_times, own_x, own_m, Boundaries())
             found = member.between(rows, np.arange(len(own_times)), times)
             x[member.part.states], m[member.part.modes] = found
         return Piece(x, np.zeros((0, len(times))), {}), m
@@ -399,15 +402,17 @@ class IndependentSystems:
             model = member.part.model
             own = member.part.modes[model.n_timely : model.n_timely + len(model.state_events.samples)] - first
             member.dynamics.end(t, samples[own])
-        found = [b for member, k in zip(self.members, before, strict=True) for b in member.recorder.boundaries[k:]]
+        found = [
+            h for member, k in zip(self.members, before, strict=True) for h in member.recorder.boundaries.happenings[k:]
+        ]
         self._gather()
         if not found:
             return
         m = self._m.copy()
         for member in self.members:
             m[member.part.modes] = member.recorder.point(member.recorder.count - 1)[3]
-        causes = tuple(c for _, own, _ in found for c in own)
-        changed = tuple(c for _, _, own in found for c in own)
+        causes = tuple(c for own, _ in found for c in own)
+        changed = tuple(c for _, own in found for c in own)
         self.recorder.begin(t, self._x, _NO_Z, m, causes, changed)
 
 

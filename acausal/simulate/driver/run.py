@@ -38,10 +38,11 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
+from acausal.simulate.record.boundaries import event_log
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.meeting.branches import crossed_branches, looks
 from acausal.simulate.record.meeting.singular import singular_positions
-from acausal.simulate.record.record import Dense, Recorder, event_log, make_result
+from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.record.undefined import undefined_relations
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark

@@ -10,8 +10,7 @@ import numpy as np
 
 from acausal.arrays import Indices, Vector
 from acausal.simulate.events.guards import Cause
-
-Boundary = tuple[float, tuple[Cause, ...], tuple[str, ...]]
+from acausal.simulate.record.boundaries import Boundaries, Boundary
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +22,7 @@ class Rows:
     x: Vector
     m: Vector
     # The events in it: time, causes, changes by `when` clauses. The last rows of their instants are those after them.
-    boundaries: tuple[Boundary, ...]
+    boundaries: Boundaries
 
     @cached_property
     def shown(self) -> dict[float, list[Boundary]]:
@@ -36,7 +35,7 @@ class Rows:
     @cached_property
     def starts(self) -> Indices:
         """Indices of the rows from which it was integrated: the first, and the last at each event."""
-        ends = np.searchsorted(self.times, [b[0] for b in self.boundaries], side="right") - 1
+        ends = np.searchsorted(self.times, self.boundaries.times, side="right") - 1
         return np.unique(np.concatenate([[np.searchsorted(self.times, self.times[0], side="right") - 1], ends]))
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import cached_property
 from types import EllipsisType
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Vector
-from acausal.errors import Span
 from acausal.flatten.flat import FlatParameter, suffixes
 from acausal.language.declarations.declaration import Declaration
 from acausal.lower.compiled import CompiledModel
@@ -25,14 +24,12 @@ from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.events.guards import Cause
-from acausal.simulate.inputs.given import Inputs
-from acausal.simulate.record.merge import Boundary
+from acausal.simulate.record.boundaries import Boundaries, EventLog, Happening
 from acausal.simulate.record.project import off_constraints, projected, projection
 from acausal.simulate.solvers.segment import Piece, add_counters
 
 # From this many rows on, all signals are computed together with `BufferedFunction.many`.
 _FEWEST_ROWS = 1024
-_INPUT_JUMPS = (Cause("an input jumps"),)
 
 
 class Recorder:
@@ -43,7 +40,7 @@ class Recorder:
         self.p, self.u = p, u
         self.is_constrained = bool(compiled.solution.structure.invariants)
         self.counters: dict[str, float] = {}
-        self.boundaries: list[Boundary] = []
+        self.boundaries = Boundaries()
         self.segments = 0
         self.count = 0  # rows so far
         self._size = np.zeros(len(compiled.states))  # largest magnitude of each state
@@ -64,7 +61,7 @@ class Recorder:
     ) -> None:
         """Add the first row of a segment: values at the start of the run or after an event, with its causes."""
         if self._times:
-            self.boundaries.append((t, causes, changed))
+            self.boundaries.add((t,), ((causes, changed),))
         self.segments += 1
         self._append(np.array([t]), x[:, None], z[:, None], m)
 
@@ -99,12 +96,13 @@ class Recorder:
         times: Vector,
         x: Vector,
         m: Vector,
-        boundaries: list[Boundary],
+        instants: Sequence[float],
+        happenings: Sequence[Happening],
         counters: dict[str, float],
     ) -> None:
         """Add rows of many segments of a model without algebraic variables or constraints, and their events."""
-        self.boundaries += boundaries
-        self.segments += len(boundaries)
+        self.boundaries.add(instants, happenings)
+        self.segments += len(instants)
         self._append(times, x, np.zeros((0, len(times))), m)
         add_counters(self.counters, counters)
 
@@ -128,7 +126,7 @@ class Recorder:
         for columns in (self._x, self._z, self._m):
             columns[part] = columns[part][:, :keep]
         self.count = row + 1
-        self.boundaries = [b for b in self.boundaries if b[0] < self.time]
+        self.boundaries.cut(self.time)
         self._hidden = [k for k in self._hidden if k < row]
 
     def since(self, row: int, which: NDArray[np.int64] | slice = slice(None)) -> Result:
@@ -149,7 +147,7 @@ class Recorder:
         """Leave a row out of the result, and remove a boundary without an event."""
         self._hidden.append(row)
         if boundary is not None:
-            del self.boundaries[boundary]
+            self.boundaries.remove(boundary)
 
     def hide_at(self, instants: Vector, shown: Vector) -> None:
         """Leave rows at these instants out of the result, except those in `shown`, at events, and at both ends."""
@@ -162,8 +160,8 @@ class Recorder:
 
     def explain(self, boundary: int, causes: tuple[Cause, ...]) -> None:
         """Add causes to the event at a boundary."""
-        t, earlier, changed = self.boundaries[boundary]
-        self.boundaries[boundary] = t, (*causes, *earlier), changed
+        earlier, changed = self.boundaries.happenings[boundary]
+        self.boundaries.happenings[boundary] = (*causes, *earlier), changed
 
     def shown(self) -> tuple[Vector, States, Vector, Vector]:
         """The rows of the result: times, states, algebraic variables, modes."""
@@ -492,60 +490,3 @@ class Dense:
         on_constraints = projected(recorder.compiled, times, piece.x, piece.z, recorder.u, recorder.p, m)
         modes = m if m.ndim == 2 else np.repeat(m[:, None], len(times), axis=1)
         return np.asarray(recorder.observe(times, on_constraints, piece.z, modes))
-
-
-@dataclass(frozen=True, eq=False)
-class EventLog:
-    """Boundaries that are events; described only when they are read, as there may be thousands in a short run."""
-
-    boundaries: Sequence[Boundary]
-    instants: Vector
-
-    def __call__(self) -> tuple[Event, ...]:
-        """The events: time, text, location, component and changed variables."""
-        entries: dict[int, tuple[str, Span | None, str]] = {}  # by identity: thousands of events share a few tuples
-        events = []
-        for t, causes, changed in self.boundaries:
-            if not causes:
-                events.append(Event(t, _time_event(t, self.instants), changed=changed))
-                continue
-            if id(causes) not in entries:
-                entries[id(causes)] = _description(causes)
-            events.append(Event(t, *entries[id(causes)], changed))
-        return tuple(events)
-
-
-def event_log(boundaries: Sequence[Boundary], instants: Vector, inputs: Inputs, cuts: Vector) -> EventLog:
-    """The events at the boundaries between segments.
-
-    A boundary without causes is one of the `instants` at which relations of time change, or an instant at which an
-    input jumps. It is no event where an input continues with another polynomial, or where a table of time has a kink,
-    at one of the `cuts`.
-    """
-    silent = {*inputs.breaks.tolist(), *cuts.tolist()} - set(instants.tolist())
-    jumps = set(inputs.jumps.tolist())
-    shown: list[Boundary] = []
-    for boundary in boundaries:
-        t, causes, changed = boundary
-        if changed or not causes:
-            if changed or t not in silent:
-                shown.append(boundary)
-            elif t in jumps:
-                shown.append((t, _INPUT_JUMPS, ()))
-        elif any([c.text for c in causes]):  # otherwise a rate becomes nonzero there, which is no event for the user
-            shown.append(boundary)
-    return EventLog(shown, instants)
-
-
-@lru_cache(1024)
-def _description(causes: tuple[Cause, ...]) -> tuple[str, Span | None, str]:
-    """Text, location and component of an event."""
-    where = next((c.where for c in causes if c.where is not None), None)
-    component = next((c.component for c in causes if c.component), "")
-    return "; ".join(dict.fromkeys(c.text for c in causes if c.text)), where, component
-
-
-def _time_event(t: float, instants: Vector) -> str:
-    """Text of an event at `t`, given the instants of all relations of time."""
-    count = int(np.sum(np.abs(instants - t) <= 1e-12 * max(1.0, abs(t))))
-    return f"time >= {t:g}" + (f" ({count} relations)" if count > 1 else "")
