@@ -35,6 +35,7 @@ from acausal.errors import AcausalError
 from acausal.library.blocks import FirstOrder, FixedDelay, Ramp
 from acausal.library.rotational import Inertia, Speed
 from acausal.lower.variants.started import with_driven
+from tests.marks import slow_but
 
 W, T = 3.0, 0.5
 
@@ -476,7 +477,7 @@ def test_a_column_of_a_table_of_a_run_drives_a_model() -> None:
     assert np.array_equal(column.matrix, pair.matrix)
 
 
-@pytest.mark.parametrize("amplitude", [1e-13, 1e-9, 1e-5])
+@pytest.mark.parametrize("amplitude", slow_but([1e-13, 1e-9, 1e-5], 1e-13, 1e-5))
 @pytest.mark.parametrize("form", ["function", "smooth", "linear"])
 def test_an_input_that_hardly_changes_is_followed(amplitude: float, form: str) -> None:
     """x' = u - 300 with u = 300 + a sin(3 t) ends at a (1 - cos(6))/3, or the sum of trapezoids, up to rounding."""

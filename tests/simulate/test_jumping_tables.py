@@ -16,7 +16,7 @@ from acausal.errors import DeclarationError
 from acausal.library.blocks import table
 
 RNG = np.random.default_rng(11)
-N, END = 60, 2.0
+N, END = 30, 2.0
 PLACES = np.concatenate([[np.exp(-END)], np.sort(RNG.uniform(np.exp(-END), 1.0, N - 2)), [1.0]])
 # mostly zero: a method that grows its steps where nothing happens passes the rest
 VALUES = np.where(RNG.random(N) < 0.1, RNG.normal(size=N), 0.0)

@@ -28,6 +28,7 @@ from acausal import (
     variable,
     where,
 )
+from tests.marks import slow_but
 
 Relation = Callable[[Expr], Expr]
 
@@ -67,7 +68,10 @@ class Passing(Component):
 
 @pytest.mark.parametrize(
     ("exempt", "solver"),
-    [(False, "rosenbrock"), (False, "idas"), (False, "erk"), (True, "idas")],  # the last one takes the longest steps
+    # the last one takes the longest steps
+    slow_but(
+        [(False, "rosenbrock"), (False, "idas"), (False, "erk"), (True, "idas")], (False, "rosenbrock"), (True, "idas")
+    ),
 )
 @pytest.mark.parametrize("number", range(len(RELATIONS)))
 def test_a_comparison_without_a_value_is_false(number: int, exempt: bool, solver: str) -> None:

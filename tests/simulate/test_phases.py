@@ -39,7 +39,7 @@ from acausal import (
 )
 from tests.marks import slow_but
 
-_PERIODS = 20
+_PERIODS = 8
 
 
 class Counter(Component):
@@ -80,7 +80,7 @@ class ShiftedTriangle(Modulator):
 
 @pytest.mark.parametrize("native", [False, True])
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk", "idas"])
-@pytest.mark.parametrize("rows", [1, 7])
+@pytest.mark.parametrize("rows", slow_but([1, 7], 1))
 def test_each_period_is_counted(solver: str, native: bool, rows: int) -> None:
     result = acausal.simulate(Counter(), stop_time=1.0, solver=solver, native=native, output_interval=1.0 / rows)
     assert result["n"][-1] == _PERIODS
@@ -123,9 +123,10 @@ def test_every_crest_that_just_exceeds_its_threshold_is_counted(solver: str, exc
     # integrations that end where the next event begins, to the last digit, since all stretches are equally long
     frequency, shift = 43.7, 2.1
     crests = Crests(frequency=frequency, excess=excess, shift=shift)
-    result = acausal.simulate(crests, stop_time=1.0, solver=solver, output_interval=1.0, native=False)
+    stop = 0.4
+    result = acausal.simulate(crests, stop_time=stop, solver=solver, output_interval=stop, native=False)
     starts = (np.pi / 2 - math.acos(1 - excess) - shift + 2 * np.pi * np.arange(100)) / (2 * np.pi * frequency)
-    assert result["n"][-1] == np.count_nonzero((starts > 0) & (starts < 1.0))
+    assert result["n"][-1] == np.count_nonzero((starts > 0) & (starts < stop))
 
 
 _WIDTH, _PULSES = 1e-5, (0.2137, 0.511, 0.8771)
@@ -159,7 +160,9 @@ class Windows(Pulses):
         return 0.5 * (tanh(20 * (s + 1)) - tanh(20 * (s - 1)))
 
 
-@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk", "rk2"])
+@pytest.mark.parametrize(
+    "solver", slow_but(["idas", "cvodes", "rosenbrock", "erk", "rk2"], "idas", "rosenbrock", "rk2")
+)
 @pytest.mark.parametrize("model", [Pulses, Resonances, Cusps, Windows])
 def test_each_pulse_is_counted(model: type[Pulses], solver: str) -> None:
     # the run advances evenly: no step of a solver has a reason to end within a hundred-thousandth of it
@@ -186,12 +189,12 @@ class WeakCarrier(Component):
 @pytest.mark.parametrize("native", [False, True])
 @pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
 def test_a_carrier_that_rates_hardly_show_is_resolved(solver: str, native: bool) -> None:
-    """sin(1970 t) has 79 peaks in 0.25 s. Of 314, compiled runs counted 56 to 307, interpreted ones 299."""
+    """sin(1970 t) has 35 peaks in 0.11 s. Of 314 in a second, compiled runs counted 56 to 307, interpreted ones 299."""
     model = acausal.compile(WeakCarrier())
     for weight in (1.0, 1e-3, 1e-6):
-        given: dict[str, Any] = {"stop_time": 0.25, "output_interval": 0.25, "parameters": {"weight": weight}}
+        given: dict[str, Any] = {"stop_time": 0.11, "output_interval": 0.11, "parameters": {"weight": weight}}
         r = acausal.simulate(model, solver=solver, native=native, **given)
-        assert float(r.final("n")) == 79.0
+        assert float(r.final("n")) == 35.0
 
 
 class Gate(Component):
@@ -228,6 +231,7 @@ class SmoothWindow(Dose):
         return 1 - tanh((self.r - 0.4442) / self.width) ** 2
 
 
+@pytest.mark.parametrize("tolerance", slow_but([1e-4, 1e-6, 1e-8], 1e-6))
 @pytest.mark.parametrize(
     ("solver", "width"),
     slow_but(
@@ -236,11 +240,11 @@ class SmoothWindow(Dose):
         ("idas", 2e-4),
     ),
 )
-def test_pulses_that_act_on_rates_have_their_events(solver: str, width: float) -> None:
+def test_pulses_that_act_on_rates_have_their_events(solver: str, width: float, tolerance: float) -> None:
     """exp(-s^2) > 1/2 for |s| < sqrt(ln 2). Below a width of 5e-4 no gate opened; one dose of fourteen counted none."""
     given: dict[str, Any] = {"stop_time": 1.0, "output_interval": 1.0, "native": False, "solver": solver}
-    result = acausal.simulate(Gate(width=width), **given)
-    assert result.final("open") == pytest.approx(2 * width * math.sqrt(math.log(2)), rel=1e-3)
+    if tolerance == 1e-6:
+        result = acausal.simulate(Gate(width=width), **given)
+        assert result.final("open") == pytest.approx(2 * width * math.sqrt(math.log(2)), rel=1e-3)
     for model in (Dose, SmoothWindow):
-        for tolerance in (1e-4, 1e-6, 1e-8):
-            assert acausal.simulate(model(width=width), tolerance=tolerance, **given).final("n") == 1.0
+        assert acausal.simulate(model(width=width), tolerance=tolerance, **given).final("n") == 1.0
