@@ -130,7 +130,8 @@ class BothMove(Component):
         yield connect(self.speed.flange, self.spindle.axis)
 
 
-@pytest.mark.parametrize("solver", slow_but(["auto", "idas"], "auto"))
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["auto", "idas"])
 def test_no_contact_with_a_moving_box_is_stepped_over(solver: str, reference: tuple[float, float]) -> None:
     r = acausal.simulate(BothMove(), stop_time=20.0, solver=solver)
     assert r.final("drill.s_tar") == pytest.approx(reference[0], abs=2e-8)

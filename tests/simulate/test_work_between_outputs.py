@@ -76,14 +76,8 @@ class Late(Component):
             yield when(sample(0.0, 5.0), reset(self.ticks, pre(self.ticks) + 1.0))
 
 
-@pytest.mark.parametrize(
-    ("solver", "clock"),
-    [
-        ("idas", False),
-        pytest.param("cvodes", False, marks=pytest.mark.slow),
-        pytest.param("idas", True, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("solver", "clock"), [("idas", False), ("cvodes", False), ("idas", True)])
 def test_runs_without_guards_count_no_steps_between_outputs(solver: str, clock: bool) -> None:
     """550 000 steps, in the last of 20 intervals: refused (AC401) with these rows, and passed with 2000.
 
