@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import tempfile
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -38,6 +40,21 @@ def flags(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
     item: pytest.Item = request.node
     if item.get_closest_marker("slow") is not None and item.nodeid.startswith(OPTIMISED):
         monkeypatch.setattr(cache, "FLAGS", USERS_FLAGS)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """One of two workers imports the files of the whole suite from the last to the first.
+
+    Each would rewrite the asserts of all files, which takes 10 s; so it reads those that the other has rewritten.
+    """
+    if (
+        os.environ.get("PYTEST_XDIST_WORKER") == "gw1"
+        and session.config.args_source is not session.config.ArgsSource.ARGS
+    ):
+        for file in sorted(ROOT.glob("tests/**/test_*.py"), reverse=True):
+            with suppress(Exception, pytest.skip.Exception):  # pytest reports it when it collects the file
+                import_module(".".join(file.relative_to(ROOT).with_suffix("").parts))
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest deselects slow tests

@@ -237,7 +237,6 @@ class SmoothWindow(Dose):
     slow_but(
         [("rosenbrock", 2e-4), ("idas", 2e-4), ("rosenbrock", 6e-3), ("erk", 2e-5), ("idas", 2e-5), ("cvodes", 2e-4)],
         ("rosenbrock", 2e-4),
-        ("idas", 2e-4),
     ),
 )
 def test_pulses_that_act_on_rates_have_their_events(solver: str, width: float, tolerance: float) -> None:
