@@ -2,9 +2,9 @@
 
 CasADi evaluates the guards after each step and locates zero crossings on its dense output. It does not iterate after a
 jump, executes only one of two crossings within a step, and its dense output is less accurate than the steps. Therefore
-the transition only stops the clock: a state `flag` becomes 1, which makes all rates zero, and another state, `watch`,
-holds the time that has passed. The loop (`native/event_loop.c`) integrates once more to where it has stopped, locates
-the crossing among ends of steps, and executes the event by the functions that are compiled with the equations.
+there is no transition, and a crossing ends the integration (`native/rows.c`). The loop (`native/event_loop.c`)
+integrates once more to where it has stopped, locates the crossing among ends of steps, and executes the event by the
+functions that are compiled with the equations.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.lower.variants.implicit import Differentiable, differentiable
+from acausal.lower.variants.implicit import differentiable
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.events.location.phases import turning_rate
 from acausal.simulate.events.regime import Regime
@@ -25,8 +25,6 @@ from acausal.simulate.native.policy import Library, StoppingEquations
 from acausal.simulate.solvers.base import bounded
 from acausal.simulate.solvers.segment import Segment
 
-# Added to guards that must not stop the integration.
-_NEVER = 1e300
 _NAMES = ["t", "x", "z", "p", "u"], ["ode", "alg", "quad", "zero"]
 
 
@@ -48,7 +46,6 @@ def compiled_program(regime: Regime, segment: Segment, plugin: str) -> Library[E
         _settings(segment),
         lambda: stopping_equations(regime, problem.native.zeros),
         lambda: (regime.active_set.watch, *_steep_search(regime)),
-        problem.n_dynamic + 2,
         instructions,
     )
 
@@ -72,7 +69,7 @@ def _settings(segment: Segment) -> dict[str, Any]:
 
 
 def stopping_equations(regime: Regime, zeros: Sequence[int]) -> StoppingEquations:
-    """The ODE with a stop watch and a stop flag, and the transition that sets the flag.
+    """The ODE and the guards at which it stops.
 
     The parameters of the DAE are `[h, shift, band]`, where h depends on `[c, m, d]` alone, with c as in
     `native/equations.py`. Parameters at `zeros` are zero regardless of p. "judged" is
@@ -104,41 +101,10 @@ def stopping_equations(regime: Regime, zeros: Sequence[int]) -> StoppingEquation
     parameters, none = ca.vertcat(symbols, m, d), ca.SX(0, 1)
     (ode, guards, *shared), kept, held = parametric(ca.cse(shared), parameters, none, HELD)
     judged, for_slopes = shared[: len(judged)], shared[len(judged) :]
-    stopping = _Stopping(t, x, z, ca.vertcat(kept, shift, band), none)
-    dae, transition = stopping.dae(ode, guards + band), stopping.transition()
+    inputs = [t, x, z, ca.vertcat(kept, shift, band), none]
+    dae = ca.Function("dae", inputs, [ode, none, none, ca.densify(guards + band)], *_NAMES, {"cse": True})
     whole = ca.vertcat(states, ca.SX.sym("unused", compiled.discretes))
     events = ca.Function("judged", [at, whole, kept, errors], judged, {"cse": True}), compiled.events.round
     events = *events, regime.active_set.relaxed, *_steep_search(regime)
-    slopes_of_dae = stopping.jacobian(slopes, *for_slopes) if for_slopes else None
-    return StoppingEquations(dae, transition, constants, events, held, slopes_of_dae)
-
-
-class _Stopping:
-    """An ODE of `(t, x, z, p, u)` with a stop watch and a stop flag as last states."""
-
-    def __init__(self, t: Any, x: Any, z: Any, p: Any, u: Any) -> None:
-        self._x, self._watch, self._flag = x, ca.SX.sym("watch"), ca.SX.sym("flag")
-        self._state = ca.vertcat(x, self._watch, self._flag)
-        self._inputs = [t, self._state, z, p, u]
-
-    def dae(self, ode: Any, zero: Any) -> Any:
-        """The DAE of the rates `ode` of x, which stop while the guards `zero` are."""
-        none = ca.SX(0, 1)
-        # no guard fires once it has stopped: several that are reached at one instant would, one after the other
-        results = [self._rates(ode), none, none, ca.densify(zero + _NEVER * self._flag)]
-        return ca.Function("dae", self._inputs, results, *_NAMES, {"cse": True})
-
-    def transition(self) -> Any:
-        """The transition of the DAE, which sets the flag."""
-        given = {"index": ca.SX.sym("index"), **dict(zip(_NAMES[0], self._inputs, strict=True))}
-        post = {"post_x": ca.vertcat(self._x, self._watch, 1), "post_z": self._inputs[2]}
-        return ca.Function(
-            "stop", [given[n] for n in ca.event_in()], [post[n] for n in ca.event_out()], ca.event_in(), ca.event_out()
-        )
-
-    def jacobian(self, slopes: Differentiable, ode: Any, values: Any) -> Any:
-        """The Jacobian of the DAE, see `native/jacobian.py`."""
-        return jacobian(slopes, self._inputs, self._rates(ode), values)
-
-    def _rates(self, ode: Any) -> Any:
-        return ca.vertcat((1 - self._flag) * ode, 1 - self._flag, 0)
+    slopes_of_dae = jacobian(slopes, inputs, *for_slopes) if for_slopes else None
+    return StoppingEquations(dae, constants, events, held, slopes_of_dae)

@@ -68,7 +68,7 @@ static int acausal_event(struct casadi_ivp_data* d, struct acausal_run* run) {
     return acausal_distances(d, run, d->t0, IVP_EV_START, DISTANCES);
   case IVP_EV_START:
     casadi_copy(d->em, p->ne, d->e0);
-    d->ev_restart = 0; /* no restart is needed after an event, which has set the stop flag */
+    d->ev_restart = 0; /* nothing follows an event */
     return acausal_distances(d, run, d->t, IVP_EV_END, DISTANCES);
   case IVP_EV_END:
     casadi_copy(d->em, p->ne, d->e1);

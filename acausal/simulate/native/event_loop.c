@@ -6,8 +6,8 @@
    assertion, a crossing that the integrator has missed, anything that is not finite. There the run is reset to before
    the event, or to the start of the failed stretch, and Python continues.
 
-   Linked with CasADi's code of `segment`, `judged` and `event_round`. If only time causes events, PLAIN is defined: there
-   is only a `segment`, without the stop time and stop flag after its states. */
+   Linked with CasADi's code of `segment`, `judged` and `event_round`. If only time causes events, PLAIN is defined, and
+   there is only a `segment`. */
 
 #include <stdlib.h>
 #include <string.h>
@@ -31,7 +31,6 @@ enum { DEEPEST = 60, MOST_POINTS = 400 };
 typedef long long count_t;
 
 #ifdef PLAIN
-#define WATCH 0
 #define HELD 0
 static int none(const double** arg, double** res, casadi_int* iw, double* w, int mem) {
   (void) arg; (void) res; (void) iw; (void) w; (void) mem;
@@ -49,8 +48,6 @@ static int none_work(casadi_int* arg, casadi_int* res, casadi_int* iw, casadi_in
 #define judged_work none_work
 #define determined_work none_work
 #define event_round_work none_work
-#else
-#define WATCH 2
 #endif
 
 /* `EventLoopStructure` of event_loop.py, field by field. */
@@ -406,15 +403,14 @@ static int evaluate_node(const struct event_loop* s, struct space* o, struct nod
   return 0;
 }
 
-/* Integrate from a node to `count` instants, or until a guard is `band` below zero. `o->row` are the scaled states there;
-   from `*stop` on they do not change, INFINITY if no guard stops them. */
+/* Integrate from a node to `count` instants, or until a guard is `band` below zero. `o->row` are the scaled states there,
+   up to `*stop`, which is INFINITY if no guard stops them. */
 static int advance(struct event_loop* s, struct space* o, const struct node* from, const double* ends, count_t count,
                    const double* band, double* stop) {
-  count_t n = s->dynamic, k, last = (count - 1) * (n + WATCH);
+  count_t n = s->dynamic, k;
   double* q = o->parameters;
   int status;
   for (k = 0; k < n; ++k) o->x0[k] = from->x[k] / s->scale[k];
-  for (k = 0; k < WATCH; ++k) o->x0[n + k] = 0.0;
   for (k = 0; k < count; ++k) o->lengths[k] = ends[k] - from->t;
 #ifdef PLAIN
   memcpy(q, s->constant, s->constants * sizeof(double));
@@ -448,12 +444,11 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   o->res[0] = o->row;
   status = segment(o->arg, o->res, o->iw, o->w, 0);
   if (status) return status == INTERRUPTED ? INTERRUPTED : UNUSUAL;
-  for (k = 0; k < count * (n + WATCH); ++k)
+  for (k = 0; k < s->run.reached * n; ++k)
     if (!isfinite(o->row[k])) return UNUSUAL;
   s->steps += s->run.steps; s->rejected += s->run.rejected; s->rhs += s->run.rhs; s->jacobians += s->run.jac;
-  *stop = INFINITY;
-  if (WATCH && o->row[last + n + 1] > 0.5) *stop = from->t + most(o->row[last + n], 0.0);
-  else {
+  *stop = from->t + s->run.stop;
+  if (!(*stop < INFINITY)) {
     o->first = s->run.first;
     o->past = s->run.past;
   }
@@ -462,7 +457,7 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
 
 /* The states of a row, at time `t`. */
 static void read_row(const struct event_loop* s, const struct space* o, count_t row, double t, struct node* to) {
-  const double* from = o->row + row * (s->dynamic + WATCH);
+  const double* from = o->row + row * s->dynamic;
   count_t k;
   to->t = t;
   for (k = 0; k < s->dynamic; ++k) to->x[k] = from[k] * s->scale[k];

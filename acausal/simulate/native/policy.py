@@ -78,14 +78,13 @@ class Library(Generic[T]):
 class StoppingEquations:
     """The CasADi functions of a library that integrates over events.
 
-    `dae` and `transition` have the form for CasADi's integrators, and `constants` that of `equations.py`.
+    `dae` has the form for CasADi's integrators, and `constants` that of `equations.py`.
     `event_functions` are "judged", "event_round" and "relaxed", and "steep" if the rates contain steep functions. The
     DAE gets the values of `held` for the first parameters of its caller, followed by the other parameters. `jacobian`
     is a short Jacobian of it (`jacobian.py`).
     """
 
     dae: Any
-    transition: Any
     constants: Any
     event_functions: tuple[Any, ...]
     held: Any = None
@@ -150,13 +149,12 @@ class Native:
         settings: Mapping[str, Any],
         equations: Callable[[], StoppingEquations],
         made_from: Callable[[], tuple[Any, ...]],
-        nx: int,
         instructions: Callable[[], int],
     ) -> Library[EventLoopProgram] | None:
         """A whole integrator that stops at events (`simulate/events/loop_equations.py`).
 
-        `equations()` builds its functions, with `nx` states; they follow from the functions `made_from()`, and from the
-        rates and rounds of the model. `instructions()` is the size of its event functions.
+        `equations()` builds its functions, which follow from the functions `made_from()`, and from the rates and rounds
+        of the model. `instructions()` is the size of its event functions.
         """
         if self.wanted is False:  # this is called at every event
             return None
@@ -167,10 +165,9 @@ class Native:
         def text() -> str | None:
             parts = equations()
             with contextlib.redirect_stderr(io.StringIO()):  # CasADi warns that events are experimental
-                options = {**neutral, "transition": parts.transition}
                 companions = parts.constants, *parts.event_functions
                 written = source.integrator(
-                    plugin, parts.dae, options, *companions, held=parts.held, jacobian=parts.jacobian
+                    plugin, parts.dae, neutral, *companions, held=parts.held, jacobian=parts.jacobian
                 )
             has_steep = any(f.name() == "steep" for f in parts.event_functions)
             return (
@@ -178,7 +175,7 @@ class Native:
             )
 
         def load(path: Path) -> EventLoopProgram:
-            return EventLoopProgram(path, nx, 0)
+            return EventLoopProgram(path, self._nx, 0)
 
         def pays_now() -> bool:
             # the derivatives that locate events have twice as many instructions as the event functions

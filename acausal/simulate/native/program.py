@@ -45,7 +45,7 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("steps", "rejected", "rhs", "jac", "reached", "second")),
         *((name, ctypes.c_void_p) for name in ("enter", "signals", "clear", "leave", "last")),
         ("last_time", ctypes.c_double),
-        ("last_end", ctypes.c_double),
+        *((name, ctypes.c_double) for name in ("last_end", "stop")),
         *((name, ctypes.c_void_p) for name in ("sample", "sampler", "sampled", "owners")),
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
         ("held", ctypes.c_void_p),

@@ -82,15 +82,20 @@ static void acausal_correct(struct casadi_ivp_data* d, METHOD_DATA* e, struct ac
 }
 #endif
 
-/* Whether an event has stopped the solution before the row: its transition makes all rates zero, so that the state after
-   it is the result of any further step. */
-static int acausal_is_stopped(struct casadi_ivp_data* d, struct acausal_run* run) {
-  if (d->prob->ne == 0 || !d->jump || d->t >= d->t_out) return 0;
+/* Whether an event has stopped the solution before the row. */
+static int acausal_is_stopped(struct casadi_ivp_data* d) {
+  if (!d->jump || d->t >= d->t_out) return 0;
+  casadi_copy(d->y, d->prob->ny, d->y_out);
+  return !casadi_ivp_stop(d, IVP_SUCCESS);
+}
+
+/* Note the event that has stopped the solution at or before the row, and the step in which it is. */
+static void acausal_note_stop(const struct casadi_ivp_data* d, struct acausal_run* run) {
+  if (!d->jump || d->t > d->t_out) return;
   if (run->last) casadi_copy(d->y0, d->prob->ny, run->last);
   run->last_time = d->t0;
   run->last_end = d->t0 + d->h;
-  casadi_copy(d->y, d->prob->ny, d->y_out);
-  return !casadi_ivp_stop(d, IVP_SUCCESS);
+  run->stop = d->t;
 }
 
 /* Repeat the step, up to a time inside of it. */
@@ -140,7 +145,7 @@ static int acausal_advance(struct casadi_ivp_data* d, METHOD_DATA* e, struct aca
   for (;;) {
     if (r->stepped && acausal_check_candidate(d, r, run)) return 1;
     r->stepped = 0;
-    if (acausal_is_stopped(d, run)) return -1;
+    if (acausal_is_stopped(d)) return -1;
     if (METHOD(d, e)) return 1;
     if (d->status != IVP_SUCCESS || !d->pause) return 0;
     if (d->next == IVP_DONE) {

@@ -44,6 +44,7 @@ struct acausal_run {
   int (*enter)(void); int (*signals)(void); void (*clear)(void); void (*leave)(int);
   double *last, last_time; /* states and time at which the last step before an event began; 0 if not requested */
   double last_end;         /* where that step would have ended without the event */
+  double stop;             /* the time of an event, after which no row follows; INFINITY if none has stopped it */
   /* samples of steep functions, if there are any: a function of time, states and rates for their columns, the rates of
      these, and the heights of the functions; memory for the samples; the function to which each column belongs */
   int (*sample)(void*, double, const double*, const double*, double*);
@@ -110,7 +111,10 @@ CASADI_SYMBOL_EXPORT int acausal_heun(const double* x0, const double* p, double*
 
 _NUMBER = r"[-+.e\d]+"
 _INTEGRATOR: tuple[tuple[str, str], ...] = (
-    (r"  /\* Problem structure \*/\n", r"\g<0>  struct acausal_run* run = (struct acausal_run*) arg[3];\n"),
+    (
+        r"  /\* Problem structure \*/\n",
+        r"\g<0>  struct acausal_run* run = (struct acausal_run*) arg[3];\n  run->stop = INFINITY;\n",
+    ),
     (rf"  p\.abstol = {_NUMBER};", "  p.abstol = run->abstol;"),
     (rf"  p\.reltol = {_NUMBER};", "  p.reltol = run->reltol;"),
     (
@@ -120,7 +124,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
     (rf"  p\.h_init = {_NUMBER};", "  p.h_init = run->first;"),
     (rf"  p\.h_max = ({_NUMBER});", r"  p.h_max = acausal_shorter(\g<1>, run->longest);"),
     (r"  p\.max_num_steps = (\d+);", r"  p.max_num_steps = run->most > 0 ? run->most : \g<1>;"),
-    (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n; ++k)"),
+    (r"for \(k = \w+\[j\]; k < \w+\[j\+1\]; \+\+k\)", "for (k = 0; k < run->n && !(run->stop < INFINITY); ++k)"),
     (r"casadi_ivp_advance\(&d, \w+\[k\], \w+\[\w+\[j\+1\]-1\], 0\);", "acausal_to_row(&d, &rows, run, k);"),
     (
         r"  casadi_ivp_setup\(&p\);\n",
@@ -137,6 +141,7 @@ _INTEGRATOR: tuple[tuple[str, str], ...] = (
         "run->steps = d.n_steps; run->rejected = d.n_reject; run->rhs = d.n_rhs; run->jac = d.n_jac;\n"
         "      run->first = d.h_next; run->past = d.err_prev;\n"
         "      if (d.status != IVP_SUCCESS) return d.status;\n"
+        "      acausal_note_stop(&d, run);\n"
         "      run->reached = k + 1;",
     ),
 )
@@ -149,13 +154,6 @@ _METHODS = {
     "#define METHOD_CORRECT(d, e, r)\n",
 }
 _FIXED = (rf"  p\.step_size = {_NUMBER};", "  p.step_size = run->step;")
-# CasADi's code for a transition computes derivatives with respect to the time of the event, which take half of the time
-# of a hundred clutches. The transition here only sets the last state, the stop flag.
-_TRANSITION = (
-    r"(case IVP_EVAL_JUMP:\n)(?:.*\n)*?.*if \(casadi_f\d+\(sarg, sres, iw, w, 0\)\) \{\n.*\n.*\n.*\}\n",
-    r"\g<1>              casadi_copy(d.y_arg, p.nx1, d.res);\n              d.res[p.nx1 - 1] = 1.;\n",
-)
-
 
 # Values that do not change between two events are computed once for a stretch.
 _PARAMETERS = (
@@ -214,8 +212,8 @@ def integrator(
     if "arg[3]" in source[source.index("/* Problem structure */") : source.index("/* Forward integration")]:
         return None
     fixed = [_FIXED] if settings.get("step_size") else []
-    passes = "case IVP_EVAL_JUMP:" in source
-    passing = [*([] if held is None else [_PARAMETERS]), *([_TRANSITION, *_EVENTS] if passes else [])]
+    passes = "case IVP_EVENT:" in source
+    passing = [*([] if held is None else [_PARAMETERS]), *(_EVENTS if passes else [])]
     for pattern, text in (*_INTEGRATOR, *fixed, *passing):
         source, count = re.subn(pattern, text, source)
         if count != 1:

@@ -33,9 +33,9 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
     status = advance(s, o, o->node, o->instants + first, last - first + 1, o->band, &stop);
     if (status) return status;
     /* the search integrates itself, and would overwrite the rows ahead */
-    if (last > first) memcpy(o->ahead, o->row, (size_t) ((last - first + 1) * (s->dynamic + WATCH)) * sizeof(double));
+    if (last > first) memcpy(o->ahead, o->row, (size_t) ((last - first + 1) * s->dynamic) * sizeof(double));
     while (*k <= last && o->instants[*k] <= stop) {
-      if (last > first) memcpy(o->row, o->ahead + (*k - first) * (s->dynamic + WATCH), (size_t) (s->dynamic + WATCH) * sizeof(double));
+      if (last > first) memcpy(o->row, o->ahead + (*k - first) * s->dynamic, (size_t) s->dynamic * sizeof(double));
       read_row(s, o, 0, o->instants[*k], o->node + 1);
       status = evaluate_node(s, o, o->node + 1);
       if (!status && lingers(s, o)) status = UNUSUAL;
@@ -217,8 +217,8 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   count_t r = s->relations, n = s->states, all = s->constants + s->modes + n + 1 + r, each = n + 3 * r;
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
-                     r, r, n, r, r, r, r, r, r, r, r, r, n, n, s->modes, s->modes, wide, wide, wide * (s->dynamic + 2), wide * (s->dynamic + 2), all, n + 2,
-                     n, s->modes, r, r, r, r, r, n + 2, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
+                     r, r, n, r, r, r, r, r, r, r, r, r, n, n, s->modes, s->modes, wide, wide, wide * s->dynamic, wide * s->dynamic, all, n,
+                     n, s->modes, r, r, r, r, r, n, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach,
