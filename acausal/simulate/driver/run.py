@@ -444,8 +444,10 @@ class Run:
 
     def assembled(self, recorder: Recorder, notes: tuple[str, ...]) -> Result:
         """The result of all that was recorded."""
-        grid = self.options.grid() if self.outputs is None else self.outputs
-        recorder.hide_at(np.concatenate([self.tables.instants, self.hidden]), np.append(grid, self.inputs.breaks))
+        looked_at = np.concatenate([self.tables.instants, self.hidden])
+        if len(looked_at):
+            grid = self.options.grid() if self.outputs is None else self.outputs
+            recorder.hide_at(looked_at, np.append(grid, self.inputs.breaks))
         known = functions_of(self.compiled).instants(self.p)[0]
         events = event_log(recorder.boundaries, known, self.inputs, self.tables.instants)
         hybrid, independent, native = self.hybrid, self.independent, self.problem.native

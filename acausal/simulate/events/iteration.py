@@ -441,9 +441,11 @@ class Iteration:
         own_noise = noise
         tally.noise[relations[free]] = np.maximum(tally.noise[relations[free]], noise[free])
         noise = np.where(free & (tally.flips[relations] > 1), tally.noise[relations], noise)
-        wrong = g < -2 * noise
         # a fraction of the noise, because a thin plate has its other side within it; or the accuracy of instants
         is_at_guard = g <= np.maximum(LOCATED * noise, np.abs(rate) * same_instant(self.guards.span, t))
+        if not (is_at_guard | (g <= 0.0)).any():
+            return np.zeros(len(g), dtype=bool)
+        wrong = g < -2 * noise
         leaves = is_at_guard & (rate < -noise)
         if leaves.any():
             leaves &= ~self.guards.are_steep(t, moment, g, own_noise)

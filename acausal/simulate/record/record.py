@@ -151,7 +151,7 @@ class Recorder:
 
     def hide_at(self, instants: Vector, shown: Vector) -> None:
         """Leave rows at these instants out of the result, except those in `shown`, at events, and at both ends."""
-        if not len(instants) or not self.count:
+        if not self.count:
             return
         times = np.concatenate(self._times)
         events = [t for t, causes, changed in self.boundaries if changed or any(c.text for c in causes)]
