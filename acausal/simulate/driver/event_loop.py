@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -286,15 +285,14 @@ class EventLoop:
     def _happenings(self, events: int, moved: Truth) -> list[Happening]:
         """What happened at each event, where `moved` are the states that have changed, shape (events, states)."""
         fired, ends = self.memory.fired[:events], self.memory.acts_end[:events]
-        keys = _row_bytes(np.hstack([fired, moved]))
-        if events and ends[-1]:
-            acts = self.memory.act[: ends[-1]].tobytes()
-            parts = pairwise([0, *(self.memory.act.itemsize * ends).tolist()])
-            keys = [key + acts[first:last] for key, (first, last) in zip(keys, parts, strict=True)]
+        counts = np.diff(ends, prepend=0)
+        acts = np.full((events, int(counts.max(initial=0))), -1)
+        acts[np.arange(acts.shape[1]) < counts[:, None]] = self.memory.act[: counts.sum()]
+        keys = _row_bytes(np.hstack([fired, moved, acts.view(np.uint8)]))
         known = self._known
         for key in [key for key in set(keys) if key not in known]:  # the same few occur again and again
             k = keys.index(key)
-            acted = self.memory.act[ends[k - 1] if k else 0 : ends[k]].tolist()
+            acted = acts[k, : counts[k]].tolist()
             changed = tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())
             known[key] = self.explain(np.flatnonzero(fired[k]).tolist(), acted), changed
         return [known[key] for key in keys]
