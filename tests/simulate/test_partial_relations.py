@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import casadi as ca
+import numpy as np
 import pytest
 
 import acausal
@@ -19,13 +20,18 @@ from acausal import (
     asin,
     der,
     fixed,
+    integer,
     log,
     maximum,
     no_event,
+    pre,
+    reset,
+    sin,
     sqrt,
     structural,
     time,
     variable,
+    when,
     where,
 )
 from tests.marks import slow_but
@@ -158,3 +164,82 @@ class Unknown(Component):
 def test_an_external_function_without_a_value_is_noted(solver: str) -> None:
     result = acausal.simulate(Unknown(), stop_time=2.0, solver=solver)
     assert "root(x - 1.5) > -1: no value" in str(result.stats["notes"])
+
+
+# Quotients of d, and the interval in which each is greater than 1.25 while d goes from -1 to 1: poles at d = 0, one of
+# them of the third order, and a quotient that is 0/0 there and passes it without a jump.
+POLES: tuple[tuple[Relation, float, float], ...] = (
+    (lambda d: 1.0 / d, 0.0, 0.8),
+    (lambda d: -1.0 / d, -0.8, 0.0),
+    (lambda d: 1.0 / sin(d), 0.0, math.asin(0.8)),
+    (lambda d: 1.0 / d**3, 0.0, 0.8 ** (1 / 3)),
+    (lambda d: 1.0 / d + 1.0 / (d - 2.0), 0.0, (4.5 - math.sqrt(10.25)) / 2.5),
+    (lambda d: (d + 1.5) * d / d, -0.25, 1.0),
+)
+
+
+class Pole(Component):
+    """How often, and for how long, a quotient is greater than 1.25."""
+
+    number: int = structural(default=0)
+    d: Real = variable(default=fixed(-1.0))
+    q: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.d) == 1.0
+        yield self.q == POLES[self.number][0](self.d)
+        yield der(self.y) == where(self.q > 1.25, 1.0, 0.0)
+        yield when(self.q > 1.25, reset(self.n, pre(self.n) + 1))
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "idas", "erk"])
+@pytest.mark.parametrize("number", range(len(POLES)))
+def test_a_pole_is_passed_once(number: int, solver: str) -> None:
+    """Its guard came back within the error of d: `when`s acted twice or more."""
+    _, low, high = POLES[number]
+    result = acausal.simulate(Pole(number=number), stop_time=2.0, solver=solver, tolerance=1e-4)
+    assert result.final("n") == 1.0
+    assert result.final("y") == pytest.approx(high - low, abs=2e-4)
+    assert not result.stats["notes"]
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 4, 5])  # the search of a step is too short for a zero of the third order
+def test_a_fixed_step_locates_a_pole(number: int) -> None:
+    """The relation changed one step late, with a flag; every step is exact where rates are constant."""
+    _, low, high = POLES[number]
+    step = acausal.step_function(acausal.compile(Pole(number=number)), 0.021, "rk4", outputs=["y", "n"])
+    x, flag, seen = step.x.start, step.y.position("step.unlocated"), [np.zeros(0)]
+    for _ in range(math.floor(2.0 / 0.021)):
+        x, y = step.function(x, [], step.p.start)
+        seen.append(np.array(y).ravel())
+    end = min(high, 0.021 * math.floor(2.0 / 0.021) - 1.0)
+    assert seen[-1][:2] == pytest.approx([end - low, 1.0], abs=1e-4)
+    assert not any(y[flag] for y in seen[1:])
+
+
+class Logarithm(Component):
+    """The logarithm of x is below 0.1 once, from where it begins to have a value."""
+
+    x: Real = variable(default=fixed(-1.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield when(log(self.x) < 0.1, reset(self.n, pre(self.n) + 1))
+
+
+@pytest.mark.parametrize("beyond", [1e-15, 1e-13, 1e-11, 1e-9, 1e-7])
+def test_a_reaction_beside_the_end_of_a_domain_is_the_whole_one(beyond: float) -> None:
+    """By its slope there the relation was about to change: the mode was wrong, and the `when` acted once more."""
+    made = acausal.compile(Logarithm()).casadi(events=True)
+    events = made.events
+    assert events is not None
+    x, p, m = np.array(made.x.start), made.p.start, events.m.start
+    x[made.x.position("x")] = beyond
+    for _ in range(2):
+        x, _, m, settled = events.react(x, [], [], p, m, [])
+        assert float(settled) == 1.0
+        assert float(x[made.x.position("n")]) == 1.0
+    assert float(ca.mmin(events.indicators(x, [], [], p, m))) >= 0.0

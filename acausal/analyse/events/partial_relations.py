@@ -7,12 +7,15 @@ exist everywhere. Where the operand of a function is never outside its domain, a
 changes.
 
 A quotient is nan where both of its operands are zero, which they may be for a while; where only its denominator is, it
-is infinite, and can be compared.
+is infinite, and can be compared. At a pole its guard changes sign without a zero, and the slope there tells nothing
+about its error. A relation of quotients whose denominators may change sign is therefore multiplied out: `1/x > c`
+becomes `1 - c*x > 0` where `x >= 0`, and `1 - c*x < 0` elsewhere. Only quotients that the model states count: those
+that solve its equations divide by pivots, which are chosen so that they do not vanish.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from functools import partial, reduce
 
 import numpy as np
@@ -23,6 +26,7 @@ from acausal.flatten.pool import LEAVES, RELATIONS, Pool, closure
 from acausal.numeric.intervals import Interval, ranges
 
 _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div"))
+_OF_FRACTIONS = frozenset(("add", "sub", "mul", "neg", "div"))
 _TINY = 1e-100
 # What a condition or a discrete memory below a relation contains is evaluated at events.
 _OPAQUE = frozenset((*RELATIONS, "and", "or", "not", "pre", "sample"))
@@ -40,7 +44,7 @@ def in_domains(pool: Pool, existence: Existence, visible: Iterable[int], done: d
         if pool.nodes[number][0] not in RELATIONS or number in done or not existence.moves(number):
             continue
         exists, everywhere = existence.parts(number)
-        if exists != pool.one:
+        if everywhere != number:
             existence.written[everywhere] = number
             images[number] = done[number] = _both(pool, exists, everywhere)
     return images
@@ -54,16 +58,21 @@ class Existence:
         is missed because it was nan where a stretch begins: quotients are left out, and relations that have a value at
         all sample points.
 
+    `stated`: The nodes that are in the equations of the model, not only in their solution.
+
     `written` maps relations with extensions in them to what the model says.
     """
 
-    def __init__(self, solution: Solution, moves: Callable[[int], bool], *, exempt: bool) -> None:
+    def __init__(
+        self, solution: Solution, moves: Callable[[int], bool], stated: Container[int] = (), *, exempt: bool
+    ) -> None:
         self.functions = _PARTIAL - {"div"} if exempt else _PARTIAL
         self.exempt = exempt
         self.pool, self.points = solution.structure.reduced.pool, solution.structure.points
-        self.defined, self.moves = dict(solution.definitions), moves
+        self.defined, self.moves, self.stated = dict(solution.definitions), moves, stated
         self.conditions: dict[int, int] = {}
         self.images: dict[int, int] = {}
+        self.fractions: dict[int, tuple[int, int]] = {}  # of images with denominators that may change their signs
         self.written: dict[int, int] = {}
 
     def parts(self, relation: int) -> tuple[int, int]:
@@ -74,6 +83,10 @@ class Existence:
             return pool.one, relation
         self._visit(sides)
         exists = _both(pool, *(self.conditions[n] for n in sides))
+        if not self.fractions.keys().isdisjoint(sides):
+            difference, denominator = self._fraction("sub", sides)
+            positive = pool.make("ge", denominator, pool.zero)
+            return exists, pool.make(op, pool.where(positive, difference, pool.neg(difference)), pool.zero)
         if exists == pool.one:
             return exists, relation
         # the slope of a root has no bound at its zero, which is that of its operand
@@ -107,6 +120,8 @@ class Existence:
                 self._visit([node])
                 condition = self.conditions[node]
                 image = number if condition == pool.one else self.images[node]
+                if node in self.fractions:
+                    self.fractions[number] = self.fractions[node]
             elif op == "where":
                 a, b = operands[1:]
                 condition = pool.where(operands[0], self.conditions[a], self.conditions[b])
@@ -116,14 +131,44 @@ class Existence:
                     condition = _both(pool, condition, self.conditions[n])
                 inside = [self.images[n] for n in operands]
                 image = number if inside == operands else pool.make(op, *inside)
-                own = self._domain(op, inside) if op in self.functions and self.moves(operands[op == "div"]) else []
+                own = self._domain(op, inside) if self._is_partial(number) else []
                 if own:
                     condition = reduce(partial(_both, pool), own, condition)
                     image = self._extension(op, inside)
                 if own and inside != operands:
                     written = self._relations(self._domain(op, operands))
                     self.written |= zip(self._relations(own), written, strict=False)
+                turns = op == "div" and self._is_partial(number) and self._changes_sign(inside[1])
+                if turns or (op in _OF_FRACTIONS and not self.fractions.keys().isdisjoint(operands)):
+                    self.fractions[number] = self._fraction(op, operands)
             self.conditions[number], self.images[number] = condition, image
+
+    def _is_partial(self, number: int) -> bool:
+        """Whether a node is a function that has no value somewhere, or a quotient of the model."""
+        op, *operands = self.pool.nodes[number]
+        if op not in self.functions or not self.moves(operands[op == "div"]):
+            return False
+        return op != "div" or number in self.stated
+
+    def _changes_sign(self, denominator: int) -> bool:
+        low, high = self._range(denominator, self._value)
+        return low < 0.0 < high
+
+    def _fraction(self, op: str, operands: list[int]) -> tuple[int, int]:
+        """Numerator and denominator of an operation on images."""
+        pool = self.pool
+        parts = [self.fractions.get(n, (self.images[n], pool.one)) for n in operands]
+        a, b = parts[0]
+        if op == "neg":
+            return pool.neg(a), b
+        c, d = parts[1]
+        if op == "mul":
+            return pool.mul(a, c), pool.mul(b, d)
+        if op == "div":
+            return pool.mul(a, d), pool.mul(b, c)
+        if b == d:
+            return pool.make(op, a, c), b
+        return pool.make(op, pool.mul(a, d), pool.mul(c, b)), pool.mul(b, d)
 
     def _domain(self, op: str, operands: list[int]) -> list[int]:
         """The relations that hold in the domain of a function; none if its operand is always inside."""

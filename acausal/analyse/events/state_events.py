@@ -147,7 +147,9 @@ def find_state_events(
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
     done = dict(rewritten)
-    existence = Existence(solution, moves, exempt=False)
+    # those below `no_event`, too, but none of the steps that solve a block
+    stated = pool.reachable([*event_nodes, *solution.structure.residuals])
+    existence = Existence(solution, moves, frozenset(stated), exempt=False)
     below_no_event = Existence(solution, moves, exempt=True)
     branches = in_domains(pool, existence, visible, done)
     branches |= split_at_kinks(kinks, solution.structure.points, visible, done)
@@ -162,8 +164,6 @@ def find_state_events(
         done = {**rewritten, **branches}
         # Beyond a kink that became a branch, a root or a power may be undefined, as beyond any relation.
         roots += set(integrated).difference(roots) if kink_branches else ()
-    # those below `no_event`, too, but none of the steps that solve a block
-    stated = pool.reachable([*event_nodes, *solution.structure.residuals])
     branches |= in_domains(pool, below_no_event, stated, done)
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}

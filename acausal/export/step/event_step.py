@@ -172,6 +172,7 @@ class Settling:
         """
         g = self.compiled.events.watch(*here)
         rate, noise = self.rates(*here)
+        noise = self._steady(here, noise)
         ties, modes, timed = self.compiled.events.ties, here[5][self.relations], self.compiled.events.timed
         found = []
         for k in range(g.numel()):
@@ -181,6 +182,24 @@ class Settling:
             if ties[k] >= 0:
                 stays = ca.logic_and(ca.logic_and(g[k] == 0, rate[k] == 0), flips[k] < 2)
                 found[-1] = ca.logic_or(found[-1], ca.logic_and(stays, modes[k] != ties[k]))
+        return found
+
+    def _steady(self, here: list[Any], noise: Any) -> Any:
+        """The noise of guards, where it is as large beside this point, within the errors of states.
+
+        The slope of a logarithm or a quotient has no bound at the end of its domain: by it, a guard that is far from
+        zero would be at zero within its error. See `acausal.simulate.events.guards.Guards.steady`.
+        """
+        events = self.compiled.state_events
+        steep = [k for k, node in enumerate(events.relations) if node in events.written]
+        if not steep:
+            return noise
+        t, x, *rest = here
+        error = _STATE_ERROR * (ca.fabs(x) + ca.DM(self.compiled.nominal_x))
+        beside = [self.rates(t, x + side * error, *rest)[1] for side in (-1, 1)]
+        found = ca.SX(noise)
+        for k in steep:
+            found[k] = ca.fmin(noise[k], ca.fmax(beside[0][k], beside[1][k]))
         return found
 
     def rates(self, t: Any, x: Any, z: Any, u: Any, p: Any, m: Any) -> tuple[Any, Any]:
