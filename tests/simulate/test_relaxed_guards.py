@@ -41,7 +41,7 @@ class Follower(Component):
         yield der(self.n) == (
             where(self.x > 0.5, 1.0, 0.0)
             + where(3 * self.x - self.y > 2.0, 1.0, 0.0)
-            + where(1 / self.x < 10.0, 1.0, 0.0)
+            + where(1 / self.x**2 < 10.0, 1.0, 0.0)
         )
 
 
@@ -54,7 +54,7 @@ def test_errors_relax_as_an_implicit_step_lets_them(monkeypatch: pytest.MonkeyPa
     jacobian, h, e = np.array([[-1e6, 2e6, 0.0], [0.0, -0.5, 0.0], [0.0, 0.0, 0.0]]), 1e-3, np.array([1e-3, 2e-4, 0.0])
     x = np.array([2.0, 1.0, 0.0])
     slopes = {0.5: [1.0, 0.0, 0.0], 2.0: [3.0, -1.0, 0.0], 10.0: [0.25, 0.0, 0.0]}
-    level = {0.5: 2.0 - 0.5, 2.0: 6.0 - 1.0 - 2.0, 10.0: 10.0 - 1.0 / 2.0}
+    level = {0.5: 2.0 - 0.5, 2.0: 6.0 - 1.0 - 2.0, 10.0: 10.0 - 1.0 / 4.0}
     here = regime.ActiveSet(compiled, (), None)
     m = np.ones(compiled.n_modes)
     p = np.array([1e6, 0.5])
