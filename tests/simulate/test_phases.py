@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -195,6 +196,17 @@ def test_a_carrier_that_rates_hardly_show_is_resolved(solver: str, native: bool)
         given: dict[str, Any] = {"stop_time": 0.11, "output_interval": 0.11, "parameters": {"weight": weight}}
         r = acausal.simulate(model, solver=solver, native=native, **given)
         assert float(r.final("n")) == 35.0
+
+
+@pytest.mark.parametrize(("periods", "solver"), slow_but(product([30.6, 31.35, 32.1], ["erk", "idas"]), (31.35, "erk")))
+def test_half_as_many_periods_as_mesh_points(periods: float, solver: str) -> None:
+    """One peak in each period. Of 60 runs with random thresholds and 10 to 100 ms, 11 lost the first peak or two."""
+    stop = periods * 2 * math.pi / 1970.0
+    r = acausal.simulate(
+        WeakCarrier(threshold=0.99), solver=solver, native=False, stop_time=stop, output_interval=stop, tolerance=1e-6
+    )
+    crossed = (math.asin(0.99) + 2 * math.pi * np.arange(40)) / (2 * math.pi)
+    assert r.final("n") == np.count_nonzero(crossed < periods)
 
 
 class Gate(Component):
