@@ -35,8 +35,9 @@ def ranges(
 ) -> dict[int, Interval]:
     """Bounds of nodes, given in evaluation order; `constant` returns the value of a constant node, else None.
 
-    Those of `minimum`, `maximum` and `fabs` are unbounded without `kinks`: an event is at every kink
-    (`acausal.analyse.events.located_kinks`).
+    Those of `minimum`, `maximum`, `fabs` and branches are unbounded without `kinks`: an event is at every kink
+    (`acausal.analyse.events.located_kinks`) and where a branch changes, so that a jump between bounded branches, such
+    as from 0 to 1, is no steep function. The jump of a relation within `noevent` is left to the solver.
     """
     range_of: dict[int, Interval] = {}
     for number in reachable:
@@ -44,7 +45,7 @@ def ranges(
         op, *operands = pool.nodes[number]
         if value is not None:
             range_of[number] = (value, value) if math.isfinite(value) else EVERYTHING
-        elif op in ("min", "max", "fabs") and not kinks:
+        elif op in ("min", "max", "fabs", "where") and not kinks:
             range_of[number] = EVERYTHING
         else:
             range_of[number] = interval(op, operands, [range_of.get(n, EVERYTHING) for n in operands])

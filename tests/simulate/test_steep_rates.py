@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+import pytest
 
 import acausal
-from acausal import Component, Equations, Real, atan, cosh, der, exp, fixed, tanh, variable
+from acausal import Component, Equations, Real, atan, cosh, der, exp, fixed, parameter, tanh, variable, where
 from acausal.simulate.equations.arguments import arguments
 
 
@@ -47,3 +48,21 @@ def test_a_relative_rate_bounds_what_a_function_changes_by() -> None:
         )
         rounding = 1e-13
         assert (change <= (1.0 + 1e-3) * step * np.maximum(low, high)[:, None] + rounding).all()
+
+
+class Braked(Component):
+    """A rate whose denominator jumps from its floor to about one, where an event is."""
+
+    x: Real = variable(default=fixed(0.0))
+    floor: Real = parameter(default=1e-3)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0 / (self.floor + where(self.x > 0.5, 1.0, 0.0))
+
+
+def test_a_denominator_that_jumps_is_no_steep_function() -> None:
+    """Both rates are constant: x = t / floor up to 1/2, and from there x = 1/2 + (t - floor / 2) / (1 + floor)."""
+    compiled = acausal.compile(Braked())
+    assert not compiled.is_steep
+    r = acausal.simulate(compiled, stop_time=1.0, tolerance=1e-8)
+    assert float(r.final("x")) == pytest.approx(0.5 + (1.0 - 0.5e-3) / (1.0 + 1e-3), rel=1e-7)
