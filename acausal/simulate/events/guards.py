@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -27,8 +27,11 @@ LEAST = 1e-15
 _LOAD_ROUNDING = 1e-13
 # States are moved by different fractions of their errors, multiples of the golden ratio.
 _GOLDEN = 0.618
-# Guards are located to this fraction of their noise.
-LOCATED = 1e-2
+# Guards count as zero within this fraction of their noise.
+STILL = 1e-2
+# Guards are located to this fraction of their noise, or to their rounding errors, what so many rounding errors of time
+# and states make of them. The error of the states moves both ends of an excursion; that of location its length.
+LOCATED, _ROUNDINGS = 1e-6, 8
 # Where the noise beside a point is less than this fraction of that at the point, a guard is steep for a moment only.
 _STEADY = 0.1
 # The slowest rate that is assumed to predict when a guard is reached.
@@ -163,6 +166,21 @@ class Guards:
         band = _resting_band(g, rate, noise)
         return _resting_band(g, rate, self.steady(t, at, noise)) if band.any() else band
 
+    def located(self, t: float, at: Moment, noise: Vector) -> Vector:
+        """How close to zero guards of this noise can be located; shape (guards,).
+
+        As far as rounding errors permit, but for models with algebraic variables, which are solved for less exactly.
+        """
+        if len(at.z):
+            return STILL * noise
+        epsilon = _ROUNDINGS * np.finfo(float).eps
+        # some up and some down, because voltages that all change by the same factor remain as different as they were
+        up = epsilon * np.where(np.arange(len(at.x)) * _GOLDEN % 1.0 < 0.5, 1.0, -1.0)
+        above, below = (
+            self.distances(t * (1.0 - side * epsilon), replace(at, x=at.x * (1.0 + side * up))) for side in (1.0, -1.0)
+        )
+        return np.minimum(np.fmax(LOCATED * noise, np.abs(above - below)), STILL * noise)
+
     def steady(self, t: float, at: Moment, noise: Vector) -> Vector:
         """The noise of guards, where it is as large beside this point, within the errors of states; shape (guards,).
 
@@ -184,7 +202,7 @@ class Guards:
         Where a step of width 1e-9 is in its middle, its slope takes it far beyond its height, within errors of states.
         """
         free, steady = at.regime.active_set.side < 0, self.steady(t, at, noise)
-        return np.asarray(free & (steady < _STEADY * noise) & (np.abs(g) > LOCATED * steady))
+        return np.asarray(free & (steady < _STEADY * noise) & (np.abs(g) > STILL * steady))
 
     def _relaxed(self, t: float, at: Moment, error: Vector, near: NDArray[np.intp]) -> Vector:
         """The noise of these guards after errors of the states have relaxed over a step (`ActiveSet.relaxed`).
@@ -259,7 +277,7 @@ class Guards:
     def _reached(self, t: float, at: Moment) -> tuple[Truth, Vector]:
         """Guards that are reached and falling, and the time to each at its rate [s], negative if it rises."""
         g, rate, noise = self.state(t, at)
-        is_near = np.abs(g) <= np.maximum(LOCATED * noise, np.abs(rate) * same_instant(self.span, t))
+        is_near = np.abs(g) <= np.maximum(STILL * noise, np.abs(rate) * same_instant(self.span, t))
         ahead = np.abs(g) / np.where(np.abs(rate) > _SLOWEST, -rate, -_SLOWEST)
         return np.asarray((g < 0) | (is_near & (rate < 0))), ahead
 
@@ -271,5 +289,5 @@ def _finite(noise: Vector) -> Vector:
 
 def _resting_band(g: Vector, rate: Vector, noise: Vector) -> Vector:
     """See `Guards.resting_band`."""
-    width = np.where(rate < -noise, 2 * LOCATED * noise, 2 * noise)
-    return np.where((g <= LOCATED * noise) & (rate <= noise), width, 0.0)
+    width = np.where(rate < -noise, 2 * STILL * noise, 2 * noise)
+    return np.where((g <= STILL * noise) & (rate <= noise), width, 0.0)

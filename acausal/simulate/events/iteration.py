@@ -33,7 +33,7 @@ from acausal.simulate.events.errors import (
     vain,
     violated,
 )
-from acausal.simulate.events.guards import AT_REST, LOCATED, Cause, Guards, Moment, same_instant
+from acausal.simulate.events.guards import AT_REST, STILL, Cause, Guards, Moment, same_instant
 from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.events.resets.constrained import followed
 from acausal.simulate.start.initialize import Start, consistent
@@ -442,7 +442,7 @@ class Iteration:
         tally.noise[relations[free]] = np.maximum(tally.noise[relations[free]], noise[free])
         noise = np.where(free & (tally.flips[relations] > 1), tally.noise[relations], noise)
         # a fraction of the noise, because a thin plate has its other side within it; or the accuracy of instants
-        is_at_guard = g <= np.maximum(LOCATED * noise, np.abs(rate) * same_instant(self.guards.span, t))
+        is_at_guard = g <= np.maximum(STILL * noise, np.abs(rate) * same_instant(self.guards.span, t))
         if not (is_at_guard | (g <= 0.0)).any():
             return np.zeros(len(g), dtype=bool)
         wrong = g < -2 * noise

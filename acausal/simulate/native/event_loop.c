@@ -15,11 +15,13 @@
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, ARRIVED = 3, INTERRUPTED = 100 };
 enum { MESH_POINTS = 64, FEWEST_POINTS = 2, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, MESH = 2 }; /* purposes of an instant */
-enum { DEEPEST = 60, MOST_POINTS = 400 };
+enum { DEEPEST = 60, MOST_POINTS = 400, SHARP_POINTS = 8 };
 #define INSTANT 1e-12 /* instants closer than this fraction of the run, or of the time, coincide: guards.py */
 #define FEW_INSTANTS 2.0 /* an interval this short is not divided where a guard jumps in it */
 #define ROUNDINGS 2e-14
-#define LOCATED 1e-2
+#define STILL 1e-2   /* guards count as zero within this fraction of their noise */
+#define LOCATED 1e-6 /* and are located to this one, or to their rounding errors */
+#define EPSILON 1.8e-15
 #define BEHIND 1.001
 #define ROUNDED 1e-15 /* noise of guards that depend on no error */
 #define GOLDEN 0.618
@@ -112,6 +114,7 @@ struct space {
   double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* point at which guards were evaluated last, and values */
   double *relaxed_noise; /* noises for a step */
   double *mean_rate;     /* of guards in the last step: crossings.c */
+  double *located;       /* how close to zero guards can be located */
   double known_t, known_step;
   double turning; /* the largest rate of a phase where guards were evaluated last [rad/s] */
   int known; /* 0 nothing, 1 guards, rates and noises, 2 also noises for a step */
@@ -295,6 +298,23 @@ static int are_steady(struct event_loop* s, struct space* o, double t, const uns
   return 1;
 }
 
+/* How close to zero guards can be located at a point (`Guards.located`). */
+static int locate(struct event_loop* s, struct space* o, double t, const double* x) {
+  count_t k, side;
+  for (side = 0; side < 2; ++side) {
+    double up = side ? EPSILON : -EPSILON, there = t * (1 - up);
+    for (k = 0; k < s->states; ++k) o->beside_x[k] = x[k] * (fmod(GOLDEN * (double) k, 1) < 0.5 ? 1 + up : 1 - up);
+    o->arg[0] = &there; o->arg[1] = o->beside_x; o->arg[2] = o->held; o->arg[3] = o->error;
+    o->res[0] = side ? o->beside : o->located; o->res[1] = o->res[2] = o->res[3] = 0;
+    if (judged(o->arg, o->res, o->iw, o->w, 0)) return UNUSUAL;
+  }
+  for (k = 0; k < s->relations; ++k) {
+    double rounded = fabs(o->located[k] - o->beside[k]);
+    o->located[k] = rounded > STILL * o->noise[k] ? STILL * o->noise[k] : most(rounded, LOCATED * o->noise[k]);
+  }
+  return 0;
+}
+
 static count_t first_relation(const struct event_loop* s) { return s->modes - s->relations; }
 
 /* The rounds of an event, in rounds.c. */
@@ -335,7 +355,7 @@ static int find_fired(struct event_loop* s, struct space* o, double t) {
   if (take_guards(s, o, t, s->x, o->g) || take_rates(s, o, t)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     double away = fabs(o->g[k]), speed = fabs(o->rate[k]);
-    int near = away <= most(LOCATED * o->noise[k], speed * instant);
+    int near = away <= most(STILL * o->noise[k], speed * instant);
     o->fired[k] = o->g[k] < 0 || (near && o->rate[k] < 0);
     any += o->fired[k];
     if (away / most(speed, 1e-30) < least) { least = away / most(speed, 1e-30); nearest = k; }
@@ -398,7 +418,7 @@ static int evaluate_node(const struct event_loop* s, struct space* o, struct nod
   for (k = 0; k < s->relations; ++k) {
     n->above[k] += o->band[k];
     n->rate[k] = o->rate[k];
-    n->near[k] = LOCATED * o->noise[k];
+    n->near[k] = STILL * o->noise[k];
   }
   return 0;
 }
@@ -498,6 +518,13 @@ static int step_to_stop(struct event_loop* s, struct space* o, double begin, dou
   return status;
 }
 
+/* How close to zero a guard of a node must be to be located there, after `count` points of a search: one that falls by more
+   than its noise in a second as close as it can be, in an interval that is longer than an instant. */
+static double zero_of(const struct space* o, const struct node* n, count_t k, int is_instant, count_t count) {
+  if (is_instant || !(n->rate[k] < -n->near[k] / STILL)) return n->near[k];
+  return count < SHARP_POINTS ? LOCATED / STILL * n->near[k] : o->located[k];
+}
+
 /* Search from node 0 to node 1 for an event, and leave the first one in node 0, or node 1 if there is none.
    Nodes 1, 2, ... are a stack of those still ahead. */
 static int search(struct event_loop* s, struct space* o, double instant, int* found) {
@@ -510,11 +537,13 @@ static int search(struct event_loop* s, struct space* o, double instant, int* fo
     struct node* right = o->node + top;
     int passed = 0, here = 0, far = 0, wide, is_there, status;
     double trial, width = right->t - left->t;
+    int is_instant = width <= as_one(s, right->t);
+    if (count == SHARP_POINTS && locate(s, o, right->t, right->x)) return UNUSUAL;
     for (k = 0; k < s->relations; ++k) {
       if (!(right->above[k] < 0)) continue;
       passed = 1;
-      here |= moved && left->above[k] <= left->near[k] && left->rate[k] < 0;
-      far |= right->above[k] < -right->near[k];
+      here |= moved && left->above[k] <= zero_of(o, left, k, is_instant, count) && left->rate[k] < 0;
+      far |= right->above[k] < -zero_of(o, right, k, is_instant, count);
     }
     if (here) { *found = 1; return 0; }
     wide = width > instant;

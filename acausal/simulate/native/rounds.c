@@ -30,7 +30,7 @@ static int decide(struct event_loop* s, struct space* o, double t, count_t* turn
       double noise = o->noise[k];
       o->largest_noise[k] = most(o->largest_noise[k], noise);
       if (o->flips[k] > 1) noise = o->largest_noise[k];
-      double near = most(LOCATED * noise, fabs(o->rate[k]) * as_one(s, t));
+      double near = most(STILL * noise, fabs(o->rate[k]) * as_one(s, t));
       double* mode = s->m + first_relation(s) + k;
       int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
       o->leaves[k] = (leaving || s->timed[k]) && o->g[k] <= near && o->rate[k] < -noise;

@@ -6,7 +6,7 @@ static int lingers(const struct event_loop* s, const struct space* o) {
   const struct node *left = o->node, *right = o->node + 1;
   count_t k;
   for (k = 0; k < s->relations; ++k)
-    if (right->above[k] > 0 && right->above[k] <= right->near[k] / LOCATED
+    if (right->above[k] > 0 && right->above[k] <= right->near[k] / STILL
         && -right->rate[k] * (right->t - left->t) > right->above[k]) return 1;
   return 0;
 }
@@ -29,7 +29,7 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
   count_t j;
   while (*k <= last) {
     count_t first = *k;
-    double instant = most(LOCATED * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->instants[last])), begin = o->node[0].t, stop, t, beyond;
+    double instant = most(STILL * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->instants[last])), begin = o->node[0].t, stop, t, beyond;
     status = advance(s, o, o->node, o->instants + first, last - first + 1, o->band, &stop);
     if (status) return status;
     /* the search integrates itself, and would overwrite the rows ahead */
@@ -135,10 +135,10 @@ static int integrate_stretch(struct event_loop* s, struct space* o) {
   if (s->trail_capacity && s->trail + (until - from) + points + 1 > s->trail_capacity) return FULL;
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
-    o->resting[k] = o->g[k] <= LOCATED * o->noise[k] && o->rate[k] <= o->noise[k];
+    o->resting[k] = o->g[k] <= STILL * o->noise[k] && o->rate[k] <= o->noise[k];
     resting |= o->resting[k];
     /* one that still falls, as its mode was kept a little longer, passes its guard by as much as can be distinguished */
-    o->later_band[k] = o->resting[k] ? (o->rate[k] < -o->noise[k] ? 2 * LOCATED : 2) * o->noise[k] : 0.0;
+    o->later_band[k] = o->resting[k] ? (o->rate[k] < -o->noise[k] ? 2 * STILL : 2) * o->noise[k] : 0.0;
     o->band[k] = !o->resting[k] && (fabs(o->g[k]) <= o->noise[k] || -o->g[k] <= o->rate[k] * LATE * as_one(s, s->here))
       ? most(-BEHIND * o->g[k], 0.0) : o->later_band[k];
     o->no_band[k] = NEVER;
@@ -218,13 +218,13 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
                      r, r, n, r, r, r, r, r, r, r, r, r, n, n, s->modes, s->modes, wide, wide, wide * s->dynamic, wide * s->dynamic, all, n,
-                     n, s->modes, r, r, r, r, r, n, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
+                     n, s->modes, r, r, r, r, r, r, n, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach,
                       &o->beside, &o->beside_rate, &o->beside_noise, &o->beside_x, &o->before_x, &o->before_m, &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
                       &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
-                      &o->relaxed_noise, &o->mean_rate, &o->last, &o->held, &o->regime, &o->nodes};
+                      &o->relaxed_noise, &o->mean_rate, &o->located, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
     if (memory) *parts[k] = memory + used;

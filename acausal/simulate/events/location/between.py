@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.events.guards import FAR, LATE, LEAST, LOCATED, Guards, Moment, same_instant
+from acausal.simulate.events.guards import FAR, LATE, LEAST, STILL, Guards, Moment, same_instant
 
 _FINE, _COARSE, _FEWEST = 8, 6, 4
 # The limit of the sum of the magnitudes of the weights, by which errors at the mesh points are amplified; the sum is 2
@@ -228,7 +228,7 @@ class LeftGuards:
     @cached_property
     def _until(self) -> float:
         """When the last of them exceeds its error [s]."""
-        longest = float((self.noises[self.leaving] / self.rates[self.leaving]).max()) / LOCATED
+        longest = float((self.noises[self.leaving] / self.rates[self.leaving]).max()) / STILL
         return self.time + 1.001 * longest
 
     def near(self, times: Vector) -> Vector:
@@ -240,9 +240,7 @@ class LeftGuards:
         if not first:
             return np.zeros((0, len(self.noises)))
         with np.errstate(divide="ignore", invalid="ignore"):
-            moved = (
-                LOCATED * (times[:first] - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
-            )
+            moved = STILL * (times[:first] - self.time)[:, None] * np.where(self.leaving, self.rates / self.noises, 1.0)
         return np.asarray(self.noises * np.clip(1.0 - moved, 0.0, 1.0))
 
     def judged(self, times: Vector, values: Vector) -> Vector:
@@ -269,7 +267,8 @@ def left_guards(guards: Guards, t: float, moment: Moment, band: Vector) -> tuple
     g, rates, noise = guards.state(t, moment)
     leaving = (g <= noise) & (rates > noise)
     # a guard that leaves zero may be negative by rounding errors for a while, but not later on
-    noises = np.where(leaving, np.maximum(LOCATED * noise, band), 0.0)
+    allowed = guards.located(t, moment, noise) if leaving.any() else noise
+    noises = np.where(leaving, np.maximum.reduce([allowed, -2.0 * g, band]), 0.0)
     poles = leaving & ~(rates < FAR)
     if poles.any():  # beyond it, nothing is known of the error
         noises[poles] = np.maximum(-2.0 * g[poles], LEAST)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Truth, Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.events.guards import LOCATED, Guards, Moment
+from acausal.simulate.events.guards import STILL, Guards, Moment
 from acausal.simulate.events.location.between import lower_bounds
 from acausal.simulate.events.location.changes import changes
 from acausal.simulate.events.location.guard_arguments import Arguments, guard_arguments
@@ -152,7 +152,7 @@ def _winds(
         if not passed:
             continue
         numbers, columns = map(list, zip(*passed, strict=True))
-        noise = LOCATED * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][columns]
+        noise = STILL * guards.rates(float(times[k]), replace(moment, x=x[:, k], z=z[:, k]))[1][columns]
         # one that rests on zero is not passed
         if (np.abs(values[k : k + 2, found.is_wound][:, numbers]) > noise).any():
             patience.look(float(times[k]), [found.wound[n] for n in numbers])

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
-from acausal.simulate.events.guards import AT_REST, LOCATED, Guards, Moment
+from acausal.simulate.events.guards import AT_REST, STILL, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
-from acausal.simulate.events.location.arrival import Arrival
-from acausal.simulate.events.location.between import left_guards, lowest, root
+from acausal.simulate.events.location.arrival import Arrival, first_passed, polished, root_after, up_to
+from acausal.simulate.events.location.between import left_guards, lowest
 from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.patience import Patience
@@ -42,13 +42,16 @@ Integrate = Callable[[Regime, Segment], Piece]
 _WANTED_STEPS, _MOST_STEPS_AGAIN = 2.0, 400
 # The tightest tolerance that rounding errors permit.
 _FINEST = 1e-14
-# The number of parts of an interval with a crossing, how often it is divided, and the number of mesh points of the
-# polynomial whose root is then the instant. A piece that fails is shortened by the first of these factors.
-_DIVISION, _DEEPEST, _NEAREST = 16, 8, 8
+# The number of parts of an interval with a crossing, and how often it is divided. A piece that fails is shortened by
+# the first of these factors.
+_DIVISION, _DEEPEST = 16, 8
 # Rounding of a guard, in its largest value.
 _ROUNDED = 1e-12
-# Iterations of Newton's method for an instant, from this one on only towards the passed side.
-_ONE_SIDED, _MOST_ITERATIONS = 2, 7
+# Iterations of Newton's method for an instant, from this one on only towards the passed side. They end at this fraction
+# of the noise.
+_ONE_SIDED, _MOST_ITERATIONS, _CLOSE = 2, 7, 1e-3
+# How often an interval is halved instead, where the guard does not fall.
+_MOST_TURNS = 20
 # The factor of the distance of mesh points after a piece that has stopped, and the largest number of its powers after
 # several such pieces in a row.
 _SHRINKAGE, _MOST_SHRINKAGES = 0.2, 3
@@ -189,11 +192,11 @@ class Search:
         at = replace(task.moment, x=x, z=z)
         g, rate, noise = self.guards.state(t, at)
         moved = np.abs(g) + np.abs(rate) * (t - task.start.time)
-        resting: Truth = (moved <= LOCATED * noise) & ~task.start.leaving
+        resting: Truth = (moved <= STILL * noise) & ~task.start.leaving
         if resting.any():
             noise = self.guards.steady(t, at, noise)
-            resting &= moved <= LOCATED * noise
-        task.band = np.where(resting, np.maximum(task.band, 2.0 * LOCATED * noise), task.band)
+            resting &= moved <= STILL * noise
+        task.band = np.where(resting, np.maximum(task.band, 2.0 * STILL * noise), task.band)
         return resting
 
     def _next_part(self, task: Task, limit: float) -> tuple[Vector, Segment]:
@@ -514,18 +517,19 @@ class Search:
         segment, moment = task.segment, task.moment
         left, right = float(mesh.times[row]), float(mesh.times[row + 1])
         passed = np.flatnonzero(mesh.values[row + 1] < 0.0)
-        root, which = min((self._root(mesh, row, int(k)), int(k)) for k in passed)
+        root, which = min((root_after(mesh.times, mesh.values[:, k], mesh.start, row), int(k)) for k in passed)
         jumps = self._jumps(task, mesh.plain(row, row + 2))
         counters: dict[str, float] = {}
         t, x, z = segment.start, segment.x, segment.z
         smallest, noise = meshing.resolution(root, self.span) / 16, task.largest
-        for iteration in range(_MOST_ITERATIONS):
+        turns, value = 0, math.inf
+        for iteration in range(_MOST_ITERATIONS + _MOST_TURNS):
             t = min(max(root, left), right)
             if t - segment.start <= smallest:
                 t, x, z = segment.start, segment.x, segment.z
             else:
                 # so that the instant is the end of a step
-                last = self._solved(moment.regime, self._up_to(part, t))
+                last = self._solved(moment.regime, up_to(part, t))
                 x, z = last.x[:, -1], last.z[:, -1]
                 add_counters(counters, last.counters)
                 if jumps[which] and len(z):  # as the event iteration will do
@@ -533,24 +537,39 @@ class Search:
                     z = on_equations(moment.regime.problem, there, x[:, None], z[:, None])[:, 0]
             at = replace(moment, x=x, z=z)
             distances, rate, noise = self.guards.state(t, at)
-            value = float((distances + task.band + task.start.near(np.array([t])).sum(axis=0))[which])
-            if iteration + 1 == _MOST_ITERATIONS:
+            values = distances + task.band + task.start.near(np.array([t])).sum(axis=0)
+            value = float(values[which])
+            first = first_passed(passed, which, values, rate, noise)
+            if first != which and turns < _MOST_TURNS:
+                which, right, root, turns = first, t, t - float(values[first] / rate[first]), turns + 1
+                continue
+            if iteration + 1 - turns == _MOST_ITERATIONS:
                 break
             if jumps[which] and value > 0.0:  # this integration comes to rest at another instant
                 right = t + _DIVISION * max(right - left, smallest)
                 root = right
                 continue
-            if jumps[which] or rate[which] == 0.0:
+            if jumps[which]:
+                break
+            # a guard that jumps, or an excursion of which Newton's method would find the end
+            if rate[which] >= 0.0 and abs(value) > _CLOSE * noise[which] and turns < _MOST_TURNS:
+                left, right, turns = (left, t, turns + 1) if value < 0.0 else (t, right, turns + 1)
+                root = right if turns == _MOST_TURNS else 0.5 * (left + right)
+                continue
+            if rate[which] == 0.0:
                 break
             step = -value / float(rate[which])  # nan where the slope of a function overflows
-            if abs(step) <= smallest or abs(value) <= 0.1 * LOCATED * noise[which] or not abs(step) <= right - left:
+            if abs(step) <= smallest or abs(value) <= _CLOSE * noise[which] or not abs(step) <= right - left:
                 break
-            if iteration >= _ONE_SIDED:
+            if iteration - turns >= _ONE_SIDED:
                 # only the errors of these integrations are left; a guard that is passed does not flip back
                 if value < 0.0:
                     break
                 step *= 4.0
             root = t + step
+        watched = moment.regime.active_set.owners[which][0] in moment.regime.problem.compiled.state_events.watched
+        if not (jumps[which] or watched) and abs(value) <= _CLOSE * noise[which]:
+            t, x = polished(self.guards, segment, replace(moment, x=x, z=z), t, which, value, right)
         due = segment.times[: np.searchsorted(segment.times, t)]
         earlier = outputs(self.integrate, task.moment.regime, segment, part, piece, due, counters)
         self._add_quadratures(task, due, earlier[0])
@@ -560,12 +579,6 @@ class Search:
         widest = self.guards.rates(t, replace(moment, x=x, z=z), between=True)[1]
         vague, small = (which if n[which] > task.largest[which] else None for n in (noise, widest))
         return Arrival(t, x, z, vague, small)
-
-    def _up_to(self, part: Segment, t: float) -> Segment:
-        """The same segment with `t` as its only row."""
-        fractions = None if part.fractions is None else meshing.even(1)
-        free = replace(part, times=np.array([t]), fractions=fractions, partial=False, step_budget=None)
-        return replace(free, step_budget=free.most_steps)
 
     def _complete(self, task: Task, t: float, x: Vector) -> Vector:
         """All states at the end of a stretch, quadratures included."""
@@ -584,9 +597,3 @@ class Search:
         if later.any():
             x[quadratures, later] = quadratures_at(problem, replace(task.quadratures_from, times=times[later]))
             task.quadratures_from = replace(task.quadratures_from, start=float(times[-1]), x=x[:, -1])
-
-    def _root(self, mesh: Mesh, row: int, k: int) -> float:
-        """The zero of guard `k` after a row, by the polynomial through the nearest mesh points (`between.root`)."""
-        low = max(mesh.start, min(row + 1 - _NEAREST // 2, len(mesh.times) - _NEAREST))
-        near = slice(low, low + _NEAREST)
-        return root(mesh.times[near], mesh.values[near, k], row - low)
