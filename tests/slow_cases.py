@@ -1,7 +1,7 @@
 """Tests that count as slow although they are not marked: a list written by a measurement.
 
-A case is on it if it takes 0.2 s of processor time or more, and if a cheaper case of the same test stays in the quick
-part; a whole test if it takes 1 s or more, and if its file keeps five others. `pytest --durations=0 -vv` on a quiet
+A case is on it if it takes 0.15 s of processor time or more, and if a cheaper case of the same test stays in the quick
+part; a whole test if it takes 0.7 s or more, and if its file keeps five others. `pytest --durations=0 -vv` on a quiet
 machine says what is to be added.
 """
 
