@@ -141,7 +141,9 @@ def test_a_diode_blocks_where_its_current_ends(solver: str, tolerance: float, st
 def test_a_diode_does_not_conduct_backwards_at_a_coarse_tolerance(solver: str) -> None:
     """The same at 1e-4: state by state, 1e-4 of 10 V would be 100 A through 1e-5 Ohm, and outputs move no event.
 
-    Rows are points between the steps of BDF: off by some of the share of the tolerance that solvers get, 1e-5 V.
+    Rows are points between the steps of BDF: off by some of the share of the tolerance that solvers get, 1e-5 V. The
+    error of the current, 0.014 A, is a millisecond where it falls by 12 A in a second: at 15 tolerances from 0.9e-4 to
+    1.1e-4, instants of `cvodes` are 2e-6 to 1e-3 s off.
     """
     t = 0.5 - math.atan(2 * math.pi * 0.01) / (2 * math.pi)
     compiled, found = acausal.compile(PeakRectifier()), []
@@ -150,7 +152,7 @@ def test_a_diode_does_not_conduct_backwards_at_a_coarse_tolerance(solver: str) -
         assert min(r["diode.i"]) > -2.0
         found.append([e.time for e in r.events])
         for period in range(3):
-            assert min(abs(e - t - period) for e in found[-1]) < 2e-4
+            assert min(abs(e - t - period) for e in found[-1]) < 2e-3
     assert found[1] == pytest.approx(found[0], abs=1e-12)
 
 
