@@ -21,7 +21,7 @@ enum { DEEPEST = 60, MOST_POINTS = 400, SHARP_POINTS = 8 };
 #define ROUNDINGS 2e-14
 #define STILL 1e-2   /* guards count as zero within this fraction of their noise */
 #define LOCATED 1e-6 /* and are located to this one, or to their rounding errors */
-#define EPSILON 1.8e-15
+#define EPSILON 1.8e-15 /* eight rounding errors */
 #define BEHIND 1.001
 #define ROUNDED 1e-15 /* noise of guards that depend on no error */
 #define GOLDEN 0.618
