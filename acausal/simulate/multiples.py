@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ def multiples(first: float, interval: float, k: NDArray[np.int64]) -> Vector:
     A product rounds the interval and then its multiple, so that tables of results would have times of 17 digits.
     """
     instants: Vector = np.asarray(first + interval * k, dtype=np.float64)
-    a, h = (Fraction(v).limit_denominator(_LARGEST_DENOMINATOR) for v in (first, interval))
+    a, h = _fraction(first), _fraction(interval)
     if not len(k) or float(a) != first or float(h) != interval:
         return instants
     denominator = a.denominator * h.denominator
@@ -30,3 +31,8 @@ def multiples(first: float, interval: float, k: NDArray[np.int64]) -> Vector:
         return instants
     # both integers are exact, and a division rounds once
     return np.asarray((offset + factor * k.astype(np.float64)) / denominator)
+
+
+@lru_cache(maxsize=256)
+def _fraction(value: float) -> Fraction:
+    return Fraction(value).limit_denominator(_LARGEST_DENOMINATOR)

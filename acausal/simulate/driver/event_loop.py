@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
 from acausal.lower.compiled import CompiledModel
-from acausal.simulate.driver.agenda import Position, Schedule
+from acausal.simulate.driver.agenda import Position, Schedule, lengths
 from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
@@ -284,9 +284,10 @@ class EventLoop:
 
     def _happenings(self, events: int, moved: Truth) -> list[Happening]:
         """What happened at each event, where `moved` are the states that have changed, shape (events, states)."""
-        fired, ends = self.memory.fired[:events], self.memory.acts_end[:events]
-        counts = np.diff(ends, prepend=0)
-        acts = np.full((events, int(counts.max(initial=0))), -1)
+        if not events:
+            return []
+        fired, counts = self.memory.fired[:events], lengths(self.memory.acts_end[:events])
+        acts = np.full((events, int(counts.max())), -1)
         acts[np.arange(acts.shape[1]) < counts[:, None]] = self.memory.act[: counts.sum()]
         keys = _row_bytes(np.hstack([fired, moved, acts.view(np.uint8)]))
         known = self._known

@@ -354,6 +354,8 @@ class Hybrid:
 
     def _must_search(self, m: Vector) -> bool:
         """Whether stretches in which these relations hold have to be searched, because others were not cleared."""
+        if not self._uncleared:
+            return False
         return self._uncleared.get(m[self.guards.first :].tobytes(), 0) >= _MOST_UNCLEARED
 
     def _clears(self, segment: Segment, piece: Piece, is_in_doubt: bool) -> bool:

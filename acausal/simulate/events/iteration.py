@@ -450,19 +450,19 @@ class Iteration:
         if leaves.any():
             leaves &= ~self.guards.are_steep(t, moment, g, own_noise)
         # the instant may have been located too early: the present mode holds for nanoseconds, the other not yet
-        chatters = tally.flips[relations] >= _CHATTER
+        flips = tally.flips[relations]
+        chatters = flips >= _CHATTER
         is_early = leaves & (g > 0.0) & chatters
         # or too late: the present mode does not hold any more, and the other will in a moment
-        wrong &= ~(chatters & (rate > 0.0) & self.guards.are_at_zero(t, g, rate, noise))
-        wrong |= (
-            free
-            & (g == 0.0)
-            & (rate == 0.0)
-            & (tally.flips[relations] < _MOST_TIED)
-            & self._differ_from_ties(moment, relations)
-        )
+        if chatters.any():
+            wrong &= ~(chatters & (rate > 0.0) & self.guards.are_at_zero(t, g, rate, noise))
+        is_tied = free & (g == 0.0) & (rate == 0.0) & (flips < _MOST_TIED)
+        if is_tied.any():
+            wrong |= is_tied & self._differ_from_ties(moment, relations)
         # or it begins or ceases to rest, and only rounding errors decide on which side of that it is
-        wrong &= ~((g == -AT_REST) & self.guards.rests[relations] & (tally.flips[relations] > _MOST_TIED))
+        at_rest = (g == -AT_REST) & (flips > _MOST_TIED)
+        if at_rest.any():
+            wrong &= ~(at_rest & self.guards.rests[relations])
         # for relations of time alone, `pre` is always up to date
         result = np.asarray(
             wrong | leaves & ~is_early & (leaving | (tally.is_timed & free & self.guards.timed[relations]))

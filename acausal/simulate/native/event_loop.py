@@ -72,10 +72,8 @@ class EventLoopProgram(Program):
 
     def structure(self, numbers: Mapping[str, float], schedule: Placed, *arrays: Placed) -> EventLoopStructure:
         """Create the structure with these fields; it keeps the arrays alive."""
-        loop = EventLoopStructure(**numbers)
-        for part in arrays:
-            for name, place in part.at.items():
-                setattr(loop, name, place)
+        places = {name: place for part in arrays for name, place in part.at.items()}
+        loop = EventLoopStructure(**numbers, **places)
         loop.kept = arrays
         loop.put(schedule)
         prepare(loop.run)
