@@ -47,6 +47,7 @@ from acausal.language.events import terminate as terminate
 from acausal.language.events import when as when
 from acausal.language.expressions.arrays import concatenate as concatenate
 from acausal.language.expressions.arrays import fill as fill
+from acausal.language.expressions.conditions import after_reset as after_reset
 from acausal.language.expressions.conditions import change as change
 from acausal.language.expressions.conditions import edge as edge
 from acausal.language.expressions.conditions import equals as equals

@@ -25,7 +25,7 @@ from acausal.structure.graph import IntArray
 
 _MOST_BRANCHES_CHECKED = 1000  # per block
 _OPPOSITE = {"lt": "ge", "le": "gt"}
-_AT_INSTANTS = frozenset(("initial", "infinitesimal", "terminal"))  # modes of an instant
+_AT_INSTANTS = frozenset(("initial", "after_reset", "infinitesimal", "terminal"))  # modes of an instant
 Modes = Mapping[int, bool]
 """Conditions that are decided: node -> whether it holds."""
 

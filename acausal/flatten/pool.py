@@ -53,10 +53,11 @@ _BINARY: dict[str, Callable[[float, float], float]] = {
 }
 LEAVES = frozenset(("const", "var", "par", "time"))
 RELATIONS = frozenset(("lt", "le", "gt", "ge"))
-_VARYING = frozenset(("var", "time", "sample", "pre", "initial", "infinitesimal", "terminal"))
+_VARYING = frozenset(("var", "time", "sample", "pre", "initial", "after_reset", "infinitesimal", "terminal"))
 IMPULSE = "impulse"
 """Operation of (velocity, its value after an impact): the value that a `when` assigns to the impulsive force."""
-_UNEVALUATED = frozenset(("sample", "pre", "initial", "infinitesimal", "terminal", IMPULSE))  # known only in a run
+_UNEVALUATED = frozenset(("sample", "pre", "initial", "after_reset", "infinitesimal", "terminal", IMPULSE))
+"""Operations whose values are known only in a run."""
 _SUMS = frozenset(("add", "sub", "neg", "mul"))  # a product with a constant is a term with a factor
 _MOST_CACHED = 32  # the variables of a node are cached if there are no more than this
 _MOST_WITHOUT_SET = 50  # number of nodes visited before a traversal marks visited nodes

@@ -48,13 +48,14 @@ BUILD: dict[str, Callable[..., Any]] = {
     "pre": lambda a: a,
     IMPULSE: lambda velocity, value: value - velocity,
     "initial": lambda: ca.SX(0),
+    "after_reset": lambda: ca.SX(0),
     "infinitesimal": lambda: ca.SX(0),
     "terminal": lambda: ca.SX(0),
     **{n: getattr(ca, n) for n in UNARY},
 }
 
 _LOGIC = frozenset(("where", "and", "or", "not"))
-_ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "infinitesimal", "terminal"))
+_ONE_BY_ONE = frozenset((*_LOGIC, "homotopy", "sample", "initial", "after_reset", "infinitesimal", "terminal"))
 
 # With at least this many equal operations on a level, a column is cheaper than scalars.
 _COLUMN_SIZE = 6

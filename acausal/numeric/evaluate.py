@@ -36,6 +36,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "pre": lambda a: a,
     IMPULSE: lambda velocity, value: value - velocity,
     "initial": lambda: 0.0,
+    "after_reset": lambda: 0.0,
     "infinitesimal": lambda: 0.0,
     "terminal": lambda: 0.0,
     "min": np.minimum,

@@ -20,6 +20,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    after_reset,
     assert_,
     boolean,
     equals,
@@ -38,12 +39,11 @@ from acausal.library.blocks.tables import Points, checked_points, table
 class Surfaces(NamedTuple):
     """Relative motion and limits of two surfaces: forces [N], or torques [N.m] if the speed is in rad/s.
 
-    `small` is the speed above which a reversal does not stick, `most` the largest force while stuck.
+    `most` is the largest force while stuck.
     """
 
     speed: Expr
     acceleration: Expr
-    small: Expr
     most: Expr
 
 
@@ -111,23 +111,22 @@ class DryFriction(Component):
 
     def equations(self) -> Equations:
         on, sa = self.surfaces(), unitless(self.sa)  # a force and an acceleration
+        speed = unitless(on.speed)
         forward, backward, stuck, idle = map(self.was, (self.FORWARD, self.BACKWARD, self.STUCK, self.FREE))
         ahead, behind = self.may_move()
+        # At the start, and where a reset makes the speed jump, it decides alone.
+        anew = initial() | after_reset()
         # Guards that are irrelevant in a mode get constant arguments: otherwise rounding errors in the speed of a stuck
         # element, or the path parameter of a sliding one, would trigger events.
-        path = where(stuck, sa, 0.0)
+        path = where(stuck & ~anew, sa, 0.0)
         # When an element begins to slide, its path parameter exceeds `most` while it accelerates, and equals it while
         # other elements hold it. The friction of sliding at zero speed is not used as the bound, unlike in Modelica: an
         # element with a peak would then keep dragging backward what the others move forward.
         breaks_forward, breaks_backward = path > on.most, path < -on.most
-        positive = where(forward | idle | self.startForward | initial(), on.speed, -on.small) > 0.0
-        negative = where(backward | idle | self.startBackward | initial(), on.speed, on.small) < 0.0
-        yield self.startForward == (
-            stuck & breaks_forward & ahead | backward & (on.speed > on.small) | initial() & positive
-        )
-        yield self.startBackward == (
-            stuck & breaks_backward & behind | forward & (on.speed < -on.small) | initial() & negative
-        )
+        positive = where(forward | idle | self.startForward | anew, speed, -1.0) > 0.0
+        negative = where(backward | idle | self.startBackward | anew, speed, 1.0) < 0.0
+        yield self.startForward == (stuck & breaks_forward & ahead | anew & positive)
+        yield self.startBackward == (stuck & breaks_backward & behind | anew & negative)
         yield self.locked == (~self.free & ~(forward | self.startForward | backward | self.startBackward))
         slides_forward = self.startForward | ~self.startBackward & forward
         shifted = where(slides_forward, sa - unitless(on.most), sa + unitless(on.most))

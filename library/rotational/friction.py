@@ -8,6 +8,7 @@ from __future__ import annotations
 from acausal import (
     Equations,
     Real,
+    after_reset,
     as_expr,
     assert_,
     boolean,
@@ -32,18 +33,13 @@ from acausal.library.rotational.interfaces import PartialCompliantWithRelativeSt
 class PartialFriction(DryFriction):
     """Element with dry friction; subclasses define `w_relfric`, `a_relfric`, `tau0`, `tau0_max` and `free`."""
 
-    w_small: Real = parameter(
-        default=1e10,
-        unit="rad/s",
-        doc="Speed beyond which sliding reverses without sticking; small only where resets make the speed jump",
-    )
     w_relfric: Real = variable(unit="rad/s", doc="Relative angular velocity of the surfaces")
     a_relfric: Real = variable(unit="rad/s2", doc="Relative angular acceleration of the surfaces")
     tau0: Real = variable(unit="N.m", doc="Friction torque at w_relfric = 0, sliding forward")
     tau0_max: Real = variable(unit="N.m", doc="Largest friction torque at w_relfric = 0, stuck")
 
     def surfaces(self) -> Surfaces:
-        return Surfaces(self.w_relfric, self.a_relfric, self.w_small, self.tau0_max)
+        return Surfaces(self.w_relfric, self.a_relfric, self.tau0_max)
 
 
 class PartialNormalForce(PartialFriction):
@@ -146,7 +142,6 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
     peak: Real = parameter(default=1.0, unit="1", min=1.0, doc="Stuck torque over sliding torque at w_rel = 0")
     cgeo: Real = parameter(default=1.0, unit="m", min=0.0, doc="Sum of the effective radii of all surfaces")
     fn_max: Real = parameter(unit="N", min=0.0, doc="Largest normal force")
-    w_small: Real = parameter(default=1e10, unit="rad/s", doc="Small only where resets make the speed jump")
     f_normalized: Real = signal_input(unit="1", doc="Normal force over fn_max; none acts where it is not positive")
     a_rel: Real = variable(unit="rad/s2", doc="Rate of w_rel")
     mu: Real = variable(unit="1", doc="Coefficient of friction")
@@ -159,6 +154,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
     startForward: Real = boolean(doc="w_rel = 0, and sliding begins")
     locked: Real = boolean(doc="w_rel = 0, and nothing slides")
     stuck: Real = boolean(doc="w_rel = 0: locked, or sliding begins")
+    backward: Real = boolean(doc="The start, or a reset, has made w_rel negative, which ends the run")
 
     def build(self) -> None:
         checked_friction(self.mu_pos)
@@ -166,10 +162,10 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
     def equations(self) -> Equations:
         mu0 = table(self.mu_pos, as_expr(0.0))
         sa, w_rel = unitless(self.sa), self.w_rel
-        # A negative initial speed would be kept, as if it were zero.
-        yield assert_(
-            ~initial() | no_event(w_rel >= -1e-9), "the start must have w_rel >= 0: flange_b ahead of flange_a"
-        )
+        anew = initial() | after_reset()
+        # A negative speed would be kept, as if it were zero.
+        yield self.backward == (pre(self.backward) | anew & no_event(w_rel < -1e-9))
+        yield assert_(~self.backward, "the start, or a reset, must have w_rel >= 0: flange_b ahead of flange_a")
         yield self.a_rel == der(w_rel)
         yield self.free == (self.f_normalized <= 0.0)
         yield self.fn == where(self.free, 0.0, self.fn_max * self.f_normalized)
@@ -177,8 +173,7 @@ class OneWayClutch(PartialCompliantWithRelativeStates):
         # Positive even without a normal force, so that the freewheel alone releases with a margin.
         least, peak = _HYSTERESIS * mu0 * self.cgeo * self.fn_max, maximum(self.peak, 1.0 + _HYSTERESIS)
         yield self.tau0_max == where(self.free, least, peak * self.tau0)
-        lets_go = (sa > self.tau0_max) | (w_rel > self.w_small)
-        yield self.startForward == (pre(self.stuck) & lets_go | initial() & (w_rel > 0.0))
+        yield self.startForward == (pre(self.stuck) & (sa > self.tau0_max) | anew & (w_rel > 0.0))
         yield self.locked == (pre(self.stuck) & ~self.startForward)
         yield from within(w_rel, reach(self.mu_pos), self.free)
         yield self.mu == table(self.mu_pos, w_rel, located=False)

@@ -12,6 +12,7 @@ from acausal import (
     Equations,
     Expr,
     Real,
+    after_reset,
     boolean,
     der,
     equals,
@@ -53,7 +54,6 @@ class LossyGear(PartialTwoFlanges):
     lossTable: Losses = structural(
         doc="Rows (|w_a| [rad/s], eta_mf1, eta_mf2, |tau_bf1| [N.m], |tau_bf2| [N.m]), efficiencies in (0, 1]"
     )
-    w_small: Real = parameter(default=1e10, unit="rad/s", doc="Speed beyond which motion reverses without locking")
     phi_a: Real = variable(unit="rad", doc="Angle of flange_a")
     w_a: Real = variable(unit="rad/s", doc="Angular velocity of flange_a")
     a_a: Real = variable(unit="rad/s2", doc="Angular acceleration of flange_a")
@@ -101,15 +101,16 @@ class LossyGear(PartialTwoFlanges):
         yield self.tauLossMin == where(x >= 0.0, driving - bearing2, driven - bearing1)
 
         sa = unitless(self.sa)  # a torque or an acceleration
-        path = where(stuck, sa, 0.5 * (self.tauLossMax + self.tauLossMin))
-        positive = where(forward | self.startForward | initial(), w, -self.w_small) > 0.0
-        negative = where(backward | self.startBackward | initial(), w, self.w_small) < 0.0
+        anew = initial() | after_reset()
+        path = where(stuck & ~anew, sa, 0.5 * (self.tauLossMax + self.tauLossMin))
+        positive = where(forward | self.startForward | anew, unitless(w), -1.0) > 0.0
+        negative = where(backward | self.startBackward | anew, unitless(w), 1.0) < 0.0
         # The direction changes only via standstill: the path parameter of a wrong direction may exceed the loss of the
         # other, so that the two would alternate and never reach the locked mode between them.
         breaks_forward = stuck & ~pre(self.startBackward) & (path > self.tauLossMax)
         breaks_backward = stuck & ~pre(self.startForward) & (path < self.tauLossMin)
-        yield self.startForward == (breaks_forward | initial() & positive)
-        yield self.startBackward == (breaks_backward | initial() & negative)
+        yield self.startForward == (breaks_forward | anew & positive)
+        yield self.startBackward == (breaks_backward | anew & negative)
         yield self.locked == ~(forward | self.startForward | backward | self.startBackward)
         moving = where(forward | self.startForward, self.tauLossMax, self.tauLossMin)
         yield self.tauLoss == where(self.locked, sa, moving)

@@ -33,18 +33,13 @@ from acausal.library.translational.interfaces import PartialRigid
 class PartialFriction(DryFriction):
     """Element with dry friction; subclasses define `v_relfric`, `a_relfric`, `f0`, `f0_max` and `free`."""
 
-    v_small: Real = parameter(
-        default=1e10,
-        unit="m/s",
-        doc="Speed beyond which sliding reverses without sticking; small only where resets make the speed jump",
-    )
     v_relfric: Real = variable(unit="m/s", doc="Relative velocity of the surfaces")
     a_relfric: Real = variable(unit="m/s2", doc="Relative acceleration of the surfaces")
     f0: Real = variable(unit="N", doc="Friction force at v_relfric = 0, sliding forward")
     f0_max: Real = variable(unit="N", doc="Largest friction force at v_relfric = 0, stuck")
 
     def surfaces(self) -> Surfaces:
-        return Surfaces(self.v_relfric, self.a_relfric, self.v_small, self.f0_max)
+        return Surfaces(self.v_relfric, self.a_relfric, self.f0_max)
 
 
 class PartialGuided(PartialRigid):

@@ -18,7 +18,7 @@ from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup, lookup
 
 _PIECEWISE_CONSTANT = frozenset(
-    ("floor", "ceil", "sign", "pre", "sample", "initial", "terminal", "infinitesimal", *RELATIONS)
+    ("floor", "ceil", "sign", "pre", "sample", "initial", "after_reset", "terminal", "infinitesimal", *RELATIONS)
 )
 """Operations whose values change at events only."""
 

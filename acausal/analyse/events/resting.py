@@ -29,7 +29,7 @@ _EQUAL = 1e-12
 # Number of lines between sample points on which a zero is searched, number of bisections, and the distance beyond the
 # zero, as a fraction of the rest of the line, at which the difference is evaluated again.
 _LINES, _HALVINGS, _BEYOND = 8, 50, 1e-9
-_NOT_SEARCHED = frozenset(("pre", "sample", "initial", "terminal", "infinitesimal"))
+_NOT_SEARCHED = frozenset(("pre", "sample", "initial", "after_reset", "terminal", "infinitesimal"))
 _REVERSED = {"gt": "lt", "lt": "gt", "ge": "le", "le": "ge"}
 _PLAIN = frozenset(("min", "max", "fabs"))
 _KINKS = _PLAIN | {"where"}

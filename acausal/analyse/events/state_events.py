@@ -36,7 +36,7 @@ _SIGN = "gt", "ge"
 # alone, as they are not among the time events.
 _STEPS = frozenset(("floor", "ceil"))
 _JUMPS = frozenset((*RELATIONS, *_STEPS, "sign"))
-_EVENT_OPERATIONS |= {"sample", "pre", "initial", "infinitesimal", "terminal"}
+_EVENT_OPERATIONS |= {"sample", "pre", "initial", "after_reset", "infinitesimal", "terminal"}
 
 
 @dataclass(frozen=True)
@@ -365,7 +365,7 @@ def _conditions(pool: Pool, roots: Iterable[int], time_relations: set[int], move
         op = node[0]
         if op in ("sample", "pre"):
             nodes_of_kind[op].add(number)
-        if op in ("initial", "infinitesimal", "terminal"):
+        if op in ("initial", "after_reset", "infinitesimal", "terminal"):
             nodes_of_kind["flag"].add(number)
         elif op not in LEAVES and op != "sample":
             if op in RELATIONS and not is_exempt and moves(number):

@@ -14,7 +14,8 @@ from acausal.language.expressions.delay import Delayed
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup
 
-_CONSTANT = frozenset(("pre", "initial", "infinitesimal", "terminal", "sample", "not", "and", "or", *RELATIONS))
+_AT_INSTANTS = frozenset(("initial", "after_reset", "infinitesimal", "terminal", "sample"))
+_CONSTANT = frozenset(("pre", "not", "and", "or", *_AT_INSTANTS, *RELATIONS))
 """Operations whose values are constant between events."""
 
 

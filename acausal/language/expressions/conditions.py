@@ -133,7 +133,7 @@ def _varying(e: Expr) -> Expr | None:
     for here in nodes(e):
         if isinstance(here, Symbol) and here.declaration.kind.value != "parameter":
             return here
-        if here.op in ("time", "der", "delay", "call", "sample", "initial", "terminal"):
+        if here.op in ("time", "der", "delay", "call", "sample", "initial", "after_reset", "terminal"):
             return here
     return None
 
@@ -141,6 +141,15 @@ def _varying(e: Expr) -> Expr | None:
 def initial() -> Expr:
     """True while the consistent start of a run is computed, and false afterwards."""
     return Operation("initial", (), ())
+
+
+def after_reset() -> Expr:
+    """True in the round of an event that follows a `reset` of states, and false otherwise.
+
+    What depends on whether something moves is decided anew there, as with `initial()` at the start: a brake that held a
+    shaft slides as soon as the shaft gets a speed.
+    """
+    return Operation("after_reset", (), ())
 
 
 def infinitesimal() -> Expr:

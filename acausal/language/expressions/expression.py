@@ -29,7 +29,9 @@ from acausal.language.statement import Statement, made
 Shape = tuple[int, ...]
 
 RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
-CONDITIONS = frozenset((*RELATIONS, "equals", "and", "or", "not", "sample", "edge", "change", "initial", "terminal"))
+CONDITIONS = frozenset(
+    (*RELATIONS, "equals", "and", "or", "not", "sample", "edge", "change", "initial", "after_reset", "terminal")
+)
 """Operators whose value is always true or false; see `is_condition`."""
 _INFIX = {
     "add": "+",

@@ -21,7 +21,7 @@ CONSTANT = "c"
 """Kind of leaves that do not change during a run: expressions of parameters, inputs and numbers."""
 
 _COMMUTATIVE = frozenset(("add", "mul", "min", "max", "and", "or"))
-_SCALAR_ONLY = frozenset(("homotopy", "sample", "pre", "initial", "infinitesimal", "terminal"))
+_SCALAR_ONLY = frozenset(("homotopy", "sample", "pre", "initial", "after_reset", "infinitesimal", "terminal"))
 _LOGIC = frozenset(("where", "and", "or", "not"))
 Leaf = tuple[str, int]
 

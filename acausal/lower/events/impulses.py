@@ -32,6 +32,9 @@ _NEGLIGIBLE = 1e-11
 
 _LARGEST_IMPULSE = 1e300
 
+_CREEP = 1e30
+"""The creep of stuck elements under an impulse; rounding errors of their loads are this much smaller."""
+
 
 def impulses(compiled: Lowered) -> list[tuple[int, int]]:
     """Actions that are impulses: (index among all actions, index of their clause)."""
@@ -72,8 +75,9 @@ class Impulses:
         possible = ca.mmin(size) > 0
         for k in range(count):  # the comparison is false for nan
             possible = ca.logic_and(possible, ca.fabs(impulse[k]) < _LARGEST_IMPULSE)
-        impulse = ca.if_else(ca.mmax(active), ca.if_else(possible, impulse, float("nan")), 0)
-        return x + self.effect @ impulse, possible
+        any_active = ca.mmax(active)
+        jump = ca.if_else(any_active, self.effect @ ca.if_else(possible, impulse, float("nan")), 0)
+        return x + jump, ca.logic_or(possible, ca.logic_not(any_active))
 
 
 def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
@@ -97,7 +101,7 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     impulse_nodes = [pool.nodes[n] for n in builder.replaced(actions[a][1] for a, _ in model_impulses)]
     speeds = ca.vertcat(*builder.lower([node[1] for node in impulse_nodes]))
     values = ca.vertcat(*builder.lower([node[2] for node in impulse_nodes]))
-    ode, alg = compiled.rhs(s.t, before, *s.inputs[2:])
+    ode, alg = compiled.rhs(s.t, before, *s.inputs[2:-1], _yielding(compiled, s))
     solver = _Response(compiled, s, alg)
     effects = []
     for a, _ in model_impulses:
@@ -119,6 +123,15 @@ def impulses_of(compiled: Lowered, s: Symbols) -> Impulses | None:
     return Impulses(
         tuple(a for a, _ in model_impulses), ca.horzcat(*effects), velocity_changes, sizes, values - speeds, follow
     )
+
+
+def _yielding(compiled: Lowered, s: Symbols) -> Any:
+    """The modes, with stuck elements that creep so fast that none of them bears an impulse: their loads are bounded."""
+    modes, nodes = ca.SX(s.m), compiled.solution.structure.reduced.pool.nodes
+    for place, node in zip(compiled.mode_places, compiled.mode_nodes, strict=True):
+        if nodes[node][0] == "infinitesimal":
+            modes[place] = _CREEP
+    return modes
 
 
 def struck(compiled: Lowered, acting: Collection[int]) -> Any:

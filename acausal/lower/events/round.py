@@ -185,6 +185,12 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     for k in range(len(events.memories)):
         memories_settled = ca.logic_and(memories_settled, next_memories[k] == s.m[first + k])
         m[first + k] = ca.if_else(proceeding, next_memories[k], s.m[first + k])
+    nodes = compiled.solution.structure.reduced.pool.nodes
+    reset = _any(applied[a] for a, (_, position) in enumerate(actions) if a in hits or position < compiled.n_dynamic)
+    for k in (k for k, n in enumerate(events.flags) if nodes[n][0] == "after_reset"):
+        flag = first + len(events.memories) + k
+        memories_settled = ca.logic_and(memories_settled, reset == s.m[flag])
+        m[flag] = ca.if_else(proceeding, reset, s.m[flag])
     result = Round(
         assigned=assigned,
         x=x,
