@@ -174,15 +174,16 @@ def lower_bounds(times: Vector, g: Vector) -> Vector:
     a, b = g[:-1], g[1:]
     if len(g) < 3:
         return np.asarray(np.minimum(a, b))
-    h = np.diff(times)[:, None]
+    h = (times[1:] - times[:-1])[:, None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nan beyond a pole
         rise = b - a
-        curve = np.diff(rise / h, axis=0) / (h[1:] + h[:-1])
+        slope = rise / h
+        curve = (slope[1:] - slope[:-1]) / (h[1:] + h[:-1])
         left, right = np.concatenate([curve[:1], curve]), np.concatenate([curve, curve[-1:]])
         # a + rise*s - depth*s*(1 - s) for s from 0 to 1
         depth = h * h * (np.maximum(np.maximum(left, right), 0.0) + np.abs(left - right))
         s = np.where(depth > np.abs(rise), 0.5 * (1.0 - rise / depth), np.where(rise > 0, 0.0, 1.0))
-        bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, rise / h, curve))
+        bound: Vector = np.minimum(a + rise * s - depth * s * (1.0 - s), _meeting(g, h, slope, curve))
     return bound
 
 
@@ -192,18 +193,24 @@ def _meeting(g: Vector, h: Vector, slope: Vector, curve: Vector) -> Vector:
     `slope`, `curve`: Divided differences of first and second order; shapes (n, guards) and (n - 1, guards).
     """
     before, after = np.concatenate([-slope[1:2], slope[:-1]]), np.concatenate([slope[1:], -slope[-2:-1]])
+    turns = (before < 0.0) & (after > 0.0)
+    columns = np.flatnonzero(turns.any(axis=0))  # lines of most guards meet nowhere
+    heights = np.full_like(slope, np.inf)
+    if not len(columns):
+        return heights
+    turns, before, after = turns[:, columns], before[:, columns], after[:, columns]
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = (after - slope) / (after - before)
-        inside = (before < 0.0) & (after > 0.0) & (s >= 0.0) & (s <= 1.0)
-        if not inside.any():
-            return np.full_like(slope, np.inf)
+        s = (after - slope[:, columns]) / (after - before)
+        inside = turns & (s >= 0.0) & (s <= 1.0)
         # of the neighbours on each side, without the instants of the interval
-        none = np.zeros((2, g.shape[1]))
-        left, right = np.abs(np.concatenate([none, curve[:-1]])), np.abs(np.concatenate([curve[1:], none]))
+        none, bends = np.zeros((2, len(columns))), np.abs(curve[:, columns])
+        left, right = np.concatenate([none, bends[:-1]]), np.concatenate([bends[1:], none])
         left[:2], right[-2:] = right[:2], left[-2:]
         a, b = s * h, (1.0 - s) * h
-        bend = np.maximum(left * a * (a + np.roll(h, 1, axis=0)), right * b * (b + np.roll(h, -1, axis=0)))
-        return np.where(inside, g[:-1] + before * a - bend, np.inf)
+        wide_before, wide_after = np.concatenate([h[-1:], h[:-1]]), np.concatenate([h[1:], h[:1]])
+        bend = np.maximum(left * a * (a + wide_before), right * b * (b + wide_after))
+        heights[:, columns] = np.where(inside, g[:-1, columns] + before * a - bend, np.inf)
+    return heights
 
 
 @dataclass(frozen=True, eq=False)
