@@ -83,7 +83,7 @@ class Result:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "time", np.asarray(self.time, dtype=float))
-        if self.time.ndim != 1 or np.any(np.diff(self.time) < 0):
+        if self.time.ndim != 1 or (self.time[1:] < self.time[:-1]).any():
             raise InternalError("AC901", f"the time of a result of {self.model} does not increase")
 
     def __reduce__(self) -> tuple[type[Result], tuple[object, ...]]:
@@ -113,7 +113,8 @@ class Result:
             return self.matrix[:, columns]
         if missing:
             self._column_cache.update(zip(missing, self.some(missing).T, strict=True))
-        return np.stack([self._column_cache[k] for k in columns], axis=1)
+        found = [self._column_cache[k] for k in columns]
+        return found[0][:, None] if len(found) == 1 else np.stack(found, axis=1)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -192,9 +193,8 @@ class Result:
 
     def final(self, name: str) -> float | Array:
         """Value at the end of the run: a float, or an array of the shape of the signal."""
-        shape, _ = self.elements(name)
         last = self[name][-1]
-        return np.asarray(last) if shape else float(last)
+        return np.asarray(last) if last.ndim else float(last)
 
     def at(self, t: ArrayLike, name: str) -> float | Array:
         """Value at one or several times of the run.

@@ -93,7 +93,7 @@ def schedule(
     """
     a, b = instants[:-1], instants[1:]
     margin = _MARGIN * (b - a)
-    segment = np.clip(np.searchsorted(instants, grid, side="right") - 1, 0, len(a) - 1)
+    segment = np.minimum(np.maximum(np.searchsorted(instants, grid, side="right") - 1, 0), len(a) - 1)
     outputs = grid[(grid > (a + margin)[segment]) & (grid < (b - margin)[segment])]
     inside = np.searchsorted(outputs, b)
     middle, modes = 0.5 * (a + b), functions_of(compiled).modes

@@ -91,13 +91,18 @@ class StoppingEquations:
     jacobian: Any = None
 
 
+_Details = tuple[tuple[str, Any], ...]
+# Key of a library: its kind, the parameters that are zero, and details.
+_Key = tuple[str, tuple[int, ...], _Details]
+
+
 @dataclass(eq=False)
 class Memory:
     """Libraries of one model that are loaded, missing on disk, or failed to build; shared by all runs in a process."""
 
-    ready: dict[str, Library[Any]] = field(default_factory=dict)
-    absent: set[str] = field(default_factory=set)
-    failed: set[str] = field(default_factory=set)
+    ready: dict[_Key, Library[Any]] = field(default_factory=dict)
+    absent: set[_Key] = field(default_factory=set)
+    failed: set[_Key] = field(default_factory=set)
     evaluations: dict[str, float] = field(default_factory=dict)
     expected: float = 0.0
 
@@ -141,7 +146,7 @@ class Native:
         def load(path: Path) -> EventLoopProgram:
             return EventLoopProgram(path, self._nx, len(self.compiled.algebraic))
 
-        return self._library(kind, repr(sorted(neutral.items())), lambda: self._pays(self._spent(plugin)), text, load)
+        return self._library(kind, tuple(sorted(neutral.items())), lambda: self._pays(self._spent(plugin)), text, load)
 
     def stopping(
         self,
@@ -184,7 +189,7 @@ class Native:
         def all_functions() -> tuple[Any, ...]:
             return self.compiled.events.round, *made_from()
 
-        return self._library(kind, repr(sorted(neutral.items())), pays_now, text, load, all_functions)
+        return self._library(kind, tuple(sorted(neutral.items())), pays_now, text, load, all_functions)
 
     def oracle(
         self, plugin: str, settings: Mapping[str, Any], change: Callable[[Any], Any] | None = None
@@ -206,7 +211,7 @@ class Native:
             return source.functions(dae, constants, *derived)
 
         kind = plugin if change is None else f"{plugin}, {change.__name__} to {UNIT}"
-        return self._library(kind, "", lambda: False, text, lambda path: ca.external("dae", str(path)))
+        return self._library(kind, (), lambda: False, text, lambda path: ca.external("dae", str(path)))
 
     def heun(self, step: Callable[[Any], Any], evaluations: float) -> Library[HeunProgram] | None:
         """Heun's method; `step` builds the function `(x, [t, h], p) -> x` from a DAE without algebraic variables.
@@ -219,7 +224,7 @@ class Native:
             return source.heun(step(dae), constants)
 
         expected = self._spent("heun") + evaluations
-        return self._library("heun", "", lambda: self._pays(expected), text, lambda path: HeunProgram(path, self._nx))
+        return self._library("heun", (), lambda: self._pays(expected), text, lambda path: HeunProgram(path, self._nx))
 
     def by_columns(self, plugin: str) -> bool:
         """Whether the equations of a multistep method are evaluated by columns, if they have columns."""
@@ -269,7 +274,7 @@ class Native:
     def _library(
         self,
         kind: str,
-        details: str,
+        details: _Details,
         is_worth_it: Callable[[], bool],
         text: Callable[[], str | None],
         load: Callable[[Path], T],
@@ -279,25 +284,24 @@ class Native:
         memory = self.memory
         if self.wanted is False:
             return None
-        used = kind
-        kind = f"{kind}, zero {self.zeros}, {details}"  # a longest step is part of the code
-        if kind not in memory.ready:
+        key = kind, self.zeros, details  # a longest step is part of the code
+        library = memory.ready.get(key)
+        if library is None:
             allowed = self.wanted is True or is_worth_it()
             unavailable = memory.failed if allowed else memory.absent
-            if kind in unavailable:
+            if key in unavailable:
                 return None
-            library = self._made(kind, details, made_from, text if allowed else None, load)
+            library = self._made(key, made_from, text if allowed else None, load)
             if library is None:
-                unavailable.add(kind)
+                unavailable.add(key)
                 return None
-            memory.ready[kind] = library
-        self.used.add(used)
-        return memory.ready[kind]
+            memory.ready[key] = library
+        self.used.add(kind)
+        return library
 
     def _made(
         self,
-        kind: str,
-        details: str,
+        wanted: _Key,
         made_from: Callable[[], tuple[Any, ...]],
         text: Callable[[], str | None] | None,
         load: Callable[[Path], T],
@@ -311,5 +315,5 @@ class Native:
         scales = compiled.quadratures, compiled.discretes, compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
         # The key is made of the functions from which the equations follow, so that a hit needs no symbolic work.
         functions = (f.serialize() for f in given)
-        key = cache.key(kind, details, event_loop_source(), source.rows("rosenbrock"), *functions, repr(scales))
+        key = cache.key(repr(wanted), event_loop_source(), source.rows("rosenbrock"), *functions, repr(scales))
         return made(key, text, lambda path: Library(load(path), BufferedFunction(ca.external(CONSTANTS, str(path)))))
