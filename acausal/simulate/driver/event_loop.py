@@ -196,10 +196,13 @@ class EventLoop:
         """The number of events before the first stretch that may have missed something; None if there is none."""
         if self.clears is None:
             return None
-        ends = [0, *self.memory.trail_end[: loop.stretches].tolist()]
         # compiled code has cleared the others by itself; there are several for each of hundreds of systems
-        in_doubt = np.flatnonzero(self.memory.stretch_doubts[: loop.stretches]).tolist()
-        for k in range(loop.stretches) if may_pulse(self.problem.compiled) else in_doubt:
+        in_doubt = self.memory.stretch_doubts[: loop.stretches].nonzero()[0].tolist()
+        examined = range(loop.stretches) if may_pulse(self.problem.compiled) else in_doubt
+        if not examined:
+            return None
+        ends = [0, *self.memory.trail_end[: loop.stretches].tolist()]
+        for k in examined:
             first, last = ends[k : k + 2]
             events = int(self.memory.stretch_events[k])
             t, x, m = start.position.here, start.x, start.m
@@ -288,10 +291,11 @@ class EventLoop:
             return []
         fired, counts = self.memory.fired[:events], lengths(self.memory.acts_end[:events])
         acts = np.full((events, int(counts.max())), -1)
-        acts[np.arange(acts.shape[1]) < counts[:, None]] = self.memory.act[: counts.sum()]
-        keys = _row_bytes(np.hstack([fired, moved, acts.view(np.uint8)]))
+        if acts.size:
+            acts[np.arange(acts.shape[1]) < counts[:, None]] = self.memory.act[: counts.sum()]
+        keys = _row_bytes(np.concatenate([fired, moved, acts.view(np.uint8)], axis=1))
         known = self._known
-        for key in [key for key in set(keys) if key not in known]:  # the same few occur again and again
+        for key in set(keys).difference(known):  # the same few occur again and again
             k = keys.index(key)
             acted = acts[k, : counts[k]].tolist()
             changed = tuple(self._states[j] for j in np.flatnonzero(moved[k]).tolist())

@@ -82,8 +82,11 @@ class Outlines:
         """
         shift, turn = r - before[0], R - before[1]
         at = shift[:, :, None, :] + np.einsum("mbij,bkj->mbki", turn, self.corners)
-        tilt = np.linalg.norm(np.einsum("mbij,bj->mbi", turn, self.axis), axis=2)
-        far = np.sqrt((at * at).sum(axis=3).max(axis=2)) + self.across * tilt
+        far = np.sqrt((at * at).sum(axis=3).max(axis=2))
+        are_round = np.flatnonzero(self.across)
+        if len(are_round):
+            tilt = np.linalg.norm(np.einsum("mbij,bj->mbi", turn[:, are_round], self.axis[are_round]), axis=2)
+            far[:, are_round] += self.across[are_round] * tilt
         for k, _ in self.endless:
             still = (shift[:, k] == 0).all(axis=1) & (turn[:, k] == 0).all(axis=(1, 2))
             far[:, k] = np.where(still, 0.0, np.inf)
