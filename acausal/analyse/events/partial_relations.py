@@ -100,6 +100,11 @@ class Existence:
         is_root = power is not None and power > 0.0 and power != round(power)
         return self.images[operands[0] if is_root else side]
 
+    def may_fail(self, number: int) -> bool:
+        """Whether a node may have no value somewhere."""
+        self._visit([number])
+        return self.conditions[number] != self.pool.one
+
     def relations(self, relation: int) -> list[int]:
         """The relations that decide a relation: itself, or those of its parts."""
         exists, everywhere = self.parts(relation)
@@ -111,13 +116,32 @@ class Existence:
         return sorted(n for n in ends if nodes[n][0] in RELATIONS)
 
     def _visit(self, roots: Iterable[int]) -> None:
+        """Fill `conditions` and `images` of `roots` and all below them; definitions may form long chains."""
+        begun = set[int]()
+        waiting = [(n, False) for n in roots]
+        while waiting:
+            number, is_begun = waiting.pop()
+            if is_begun:
+                self._visit_known(number)
+            elif number not in self.conditions and number not in begun:
+                begun.add(number)
+                waiting.append((number, True))
+                waiting += [(n, False) for n in self._unknown_below(number)]
+
+    def _unknown_below(self, root: int) -> set[int]:
+        """Definitions of the variables below a node, unless they are known."""
+        nodes = self.pool.nodes
+        variables = (nodes[n][1] for n in self.pool.reachable([root], self.conditions) if nodes[n][0] == "var")
+        return {self.defined[v] for v in variables if v in self.defined}.difference(self.conditions)
+
+    def _visit_known(self, root: int) -> None:
         pool = self.pool
-        for number in pool.reachable(roots, self.conditions):
+        for number in pool.reachable([root], self.conditions):
             op, *operands = pool.nodes[number]
             condition, image = pool.one, number
-            if op == "var" and operands[0] in self.defined:
+            # a definition without a condition is part of a cycle that modes have cut
+            if op == "var" and self.defined.get(operands[0]) in self.conditions:
                 node = self.defined[operands[0]]
-                self._visit([node])
                 condition = self.conditions[node]
                 image = number if condition == pool.one else self.images[node]
                 if node in self.fractions:
@@ -175,7 +199,7 @@ class Existence:
         pool = self.pool
         if op == "div":
             return self._nonzero(operands)
-        low, high = self._range(operands[0], self.pool.value)
+        low, high = self._range(operands[0], self._known)
         above = pool.make("gt" if op == "log" else "ge", operands[0], pool.zero)
         if op in ("asin", "acos"):
             ends = pool.make("ge", operands[0], pool.neg(pool.one)), pool.make("le", operands[0], pool.one)
@@ -219,6 +243,10 @@ class Existence:
         larger = pool.make("max", *(pool.make("fabs", pool.make("noevent", n)) for n in operands))
         exists = pool.make("noevent", pool.make("gt", larger, pool.zero))
         return pool.where(exists, pool.div(a, pool.where(exists, b, pool.one)), pool.zero)
+
+    def _known(self, number: int) -> float | None:
+        """The value of an operand that decides whether a function has one; parameters may change."""
+        return self.pool.value(number)
 
     def _value(self, number: int) -> float | None:
         """The value of a node that does not vary: a parameter that is not zero is not expected to become zero."""

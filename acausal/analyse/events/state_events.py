@@ -24,6 +24,7 @@ from acausal.analyse.events.partial_relations import Existence, in_domains
 from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.steep import Moving
 from acausal.analyse.events.time_events import TimeEvents, segment_number
+from acausal.analyse.events.without_value import EXTREMA, WithoutValue
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool, closure
 from acausal.flatten.reduced import ReducedSystem
@@ -125,18 +126,20 @@ def find_state_events(
     clauses = tuple(_clauses(reduced, states))
     assignments = tuple(_assignments(reduced, states))
     asserts = tuple(_asserts(reduced))
-    event_nodes = [n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))]
-    event_nodes += (
-        [a.node for a in assignments] + [a.condition for a in asserts] + [n for d in reduced.delays for n in d[:2]]
-    )
-    event_nodes += [pool.var(v) for v in switched_dependents(solution)]
-    event_nodes += kinks_to_locate.numbers
+    event_nodes = _event_nodes(solution, clauses, assignments, asserts, kinks_to_locate)
     equation_nodes = [*solution.residuals, *_definitions(solution, event_nodes)]
     definitions = dict(solution.definitions)
     # Possibly few: of a field with a thousand cells, one may contain an event.
     equation_nodes = _with_events(pool, equation_nodes, definitions)
     roots = [*event_nodes, *equation_nodes]
-    if not (roots or kinks_to_locate.watched):
+    has_extrema = any(node[0] in EXTREMA for node in pool.nodes)
+    if not (roots or kinks_to_locate.watched or has_extrema):
+        return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
+    # those below `no_event`, too, but none of the steps that solve a block
+    stated = pool.reachable([*event_nodes, *solution.structure.residuals])
+    without_value = WithoutValue(solution, stated)
+    swallowing = without_value.extrema() if has_extrema else []
+    if not (roots or kinks_to_locate.watched or swallowing):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     moves = Moving(pool, discrete_variables(reduced))
@@ -147,14 +150,12 @@ def find_state_events(
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
     done = dict(rewritten)
-    # those below `no_event`, too, but none of the steps that solve a block
-    stated = pool.reachable([*event_nodes, *solution.structure.residuals])
     existence = Existence(solution, moves, frozenset(stated), exempt=False)
     below_no_event = Existence(solution, moves, exempt=True)
     branches = in_domains(pool, existence, visible, done)
     branches |= split_at_kinks(kinks, solution.structure.points, visible, done)
     all_visible = [*visible, *_visible(pool, branches.values())]
-    branches |= _jumps(pool, all_visible, steps, moves, {**rewritten, **branches}, definitions)
+    branches |= _jumps(pool, all_visible, steps, moves, {**rewritten, **branches}, definitions, without_value)
     done = {**rewritten, **branches}
     if kinks_to_locate.branches:
         located = [n for n in visible if pool.nodes[n][0] in RELATIONS]
@@ -165,6 +166,8 @@ def find_state_events(
         # Beyond a kink that became a branch, a root or a power may be undefined, as beyond any relation.
         roots += set(integrated).difference(roots) if kink_branches else ()
     branches |= in_domains(pool, below_no_event, stated, done)
+    branches |= without_value.images(swallowing, done)
+    done |= branches
     branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
     done = {**rewritten, **branches}
     if kinks_to_locate.bursts:
@@ -174,8 +177,8 @@ def find_state_events(
     modes["pre"] |= _before_impulses(pool, states, clauses, assignments)
     relations = tuple(sorted(set(modes["relation"]).difference(kinks_to_locate.watched)))
     number_nodes = set(pool.reachable([done[n] for n in kinks_to_locate.numbers]))
-    resting = kinks.resting_relations(solution.structure.points, relations)
     stretch_ends = (k for k, n in enumerate(relations) if n in number_nodes)
+    resting = kinks.resting_relations(solution.structure.points, relations)
     return StateEvents(
         tuple(sorted(modes["sample"])),
         tuple(sorted(modes["pre"])),
@@ -189,6 +192,25 @@ def find_state_events(
         frozenset(k for k, n in enumerate(relations) if n in resting),
         existence.written,
     )
+
+
+def _event_nodes(
+    solution: Solution,
+    clauses: Iterable[Clause],
+    assignments: Iterable[Assignment],
+    asserts: Iterable[Assert],
+    kinks_to_locate: LocatedKinks,
+) -> list[int]:
+    """Nodes that are evaluated for events, not for rates."""
+    reduced = solution.structure.reduced
+    return [
+        *(n for c in clauses for n in (*c.conditions, *c.earlier, *(v for _, v in c.actions))),
+        *(a.node for a in assignments),
+        *(a.condition for a in asserts),
+        *(n for d in reduced.delays for n in d[:2]),
+        *map(reduced.pool.var, switched_dependents(solution)),
+        *kinks_to_locate.numbers,
+    ]
 
 
 def _before_impulses(
@@ -272,6 +294,7 @@ def _jumps(
     moves: Moving,
     rewritten: Mapping[int, int],
     definitions: Mapping[int, int],
+    without_value: WithoutValue,
 ) -> dict[int, int]:
     """Maps `sign` of varying expressions, and those of `steps` that are `floor`, `ceil` or tables, to branches."""
     image_of: dict[int, int] = {}
@@ -292,7 +315,8 @@ def _jumps(
             below = pool.nodes[segment][1]
             pool.rewrite([below, *operands], pool.var, done)
             k = stairs(segment, "floor", done[below])
-            image_of[number] = done[number] = on_segment(pool, table, done[operands[0]], k)
+            on = on_segment(pool, table, done[operands[0]], k)
+            image_of[number] = done[number] = without_value.kept(on, operands, done)
         if number in rewritten or op not in ("sign", "floor", "ceil") or not moves(operands[0]):
             continue
         pool.rewrite(operands, pool.var, done)
@@ -302,9 +326,11 @@ def _jumps(
             pool.rewrite(sides, pool.var, done)
             above, below = (done[side] for side in sides)
             over, under = pool.where(above, pool.one, pool.zero), pool.where(below, pool.zero, pool.neg(pool.one))
-            image_of[number] = done[number] = pool.add(over, under)
+            image_of[number] = done[number] = without_value.kept(pool.add(over, under), operands, done)
         elif number in steps:
-            stairs(number, op, u)
+            # its memory must not become nan, or it would stay so
+            step = pool.make(op, pool.make("noevent", operands[0])) if without_value.is_for(operands[0]) else number
+            image_of[number] = done[number] = without_value.kept(stairs(step, op, u), operands, done)
     return image_of
 
 

@@ -140,6 +140,7 @@ _RULES: dict[int, Callable[..., Range]] = {
     ca.OP_COSH: lambda a: _rising(math.cosh)(_magnitude(a)),
     ca.OP_SIN: lambda a: (-1.0, 1.0),
     ca.OP_COS: lambda a: (-1.0, 1.0),
+    ca.OP_SIGN: _rising(lambda a: math.copysign(1.0, a) if a else 0.0),
     ca.OP_LT: lambda a, b: _truth(a[1] < b[0], a[0] >= b[1]),
     ca.OP_LE: lambda a, b: _truth(a[1] <= b[0], a[0] > b[1]),
     ca.OP_EQ: _same,

@@ -1,0 +1,78 @@
+"""Operations that would give a number for an operand without value: `minimum(sqrt(x), 2)` is 2 in C where x < 0.
+
+`fmin` and `fmax` return the other operand if one of them is nan, and a branch on relations is that of false ones, which
+makes a sign of nan -1. A run would go on with it. The image of such an operation is therefore multiplied by a factor
+that is 1 where the operand has a value, and nan elsewhere: `sign(2 + sign(u))`, whose slope is zero. (CasADi replaces
+the square of a root by its operand, so that `sign(1 + u*u)` would be a number.) Only operands that may have no value
+get one: those of roots, logarithms and the like that may leave their domain, and quotients that may become 0/0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.events.partial_relations import Existence
+from acausal.flatten.pool import LEAVES, Pool
+
+EXTREMA = frozenset(("min", "max"))
+
+
+class WithoutValue:
+    """Finds operands that may have no value, whether they vary within a stretch or at events only.
+
+    `stated`: The nodes that are in the equations of the model, in evaluation order. Those that are only in their
+        solution are chosen so that they have a value.
+    """
+
+    def __init__(self, solution: Solution, stated: Sequence[int]) -> None:
+        self._stated = stated
+        self.pool: Pool = solution.structure.reduced.pool
+        self._varying: dict[int, bool] = {}
+        self._existence = _OfModel(solution, self._varies, frozenset(stated), exempt=False)
+
+    def extrema(self) -> list[int]:
+        """The minima and maxima of the model with an operand that may have no value, in evaluation order."""
+        nodes = self.pool.nodes
+        extrema = [n for n in self._stated if nodes[n][0] in EXTREMA]
+        return [n for n in extrema if any(map(self.is_for, nodes[n][1:]))]
+
+    def is_for(self, operand: int) -> bool:
+        """Whether an operand may have no value."""
+        return self._existence.may_fail(operand)
+
+    def images(self, numbers: Iterable[int], images: Mapping[int, int]) -> dict[int, int]:
+        """Images of extrema that keep nan; `images` are those of other nodes."""
+        pool, done, kept = self.pool, dict(images), dict[int, int]()
+        for number in numbers:
+            op, *operands = pool.nodes[number]
+            pool.rewrite(operands, pool.var, done)
+            image = done[number] if number in images else pool.make(op, *(done[n] for n in operands))
+            kept[number] = done[number] = self.kept(image, operands, done)
+        return kept
+
+    def kept(self, image: int, operands: Sequence[int], done: Mapping[int, int]) -> int:
+        """The image of an operation, nan where one of the operands has no value; `done` has their images."""
+        pool = self.pool
+        for n in filter(self.is_for, operands):
+            positive = pool.add(pool.const(2.0), pool.make("sign", done[n]))
+            image = pool.mul(image, pool.make("noevent", pool.make("sign", positive)))
+        return image
+
+    def _varies(self, number: int) -> bool:
+        """Whether a node depends on more than parameters."""
+        for n in self.pool.reachable([number], self._varying):
+            op, *rest = self.pool.nodes[n]
+            inner = op not in LEAVES and any(self._varying[c] for c in rest)
+            self._varying[n] = inner or op in ("var", "time")
+        return self._varying[number]
+
+
+class _OfModel(Existence):
+    """Where expressions of the model have a value, for its parameters; what solves its equations does not count."""
+
+    def _is_partial(self, number: int) -> bool:
+        return number in self.stated and super()._is_partial(number)
+
+    def _known(self, number: int) -> float | None:
+        return self._value(number)
