@@ -15,6 +15,7 @@ solution, far on the side on which an element starts to slip. The modes of the n
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -40,6 +41,7 @@ class Border:
     """The terms that are added to singular equations."""
 
     projector: Vector  # P, shape (nz, nz), of rank `rank`
+    null: Vector  # the orthogonal projector on L, for residuals in scaled rows; shape (nz, nz)
     rank: int
     place: int  # index of the infinitesimal creep among the modes
     compiled: CompiledModel  # the model with the bordered equations
@@ -108,23 +110,42 @@ class Shares:
         size = float(np.abs(null.T @ slopes.creep @ right[-rank:].T).max())
         if size == 0.0:
             return None
-        scaled_projector = null @ null.T / size
+        orthogonal = null @ null.T
+        scaled_projector = orthogonal / size
         if not _is_regular(slopes.slope + scaled_projector @ slopes.creep):
             return None
         projector = scaled_projector * slopes.rows[None, :] / slopes.rows[:, None]
-        border = Border(projector, rank, self.place, _with_border(compiled, self.place, projector))
+        border = Border(projector, orthogonal, rank, self.place, _with_border(compiled, self.place, projector))
         if len(self._borders) == _MOST_BORDERS:
             del self._borders[0]
         self._borders.append(border)
         return border
 
-    def contradicts(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> bool:
-        """Whether the original equations do not hold at a solution of the bordered ones."""
+    def contradicts(
+        self, border: Border, errors: Vector, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector
+    ) -> bool:
+        """Whether the original equations do not hold at a solution of the bordered ones, with these errors of states.
+
+        Velocities on a stabilised constraint are off by the tolerance, and the accelerations that correct them differ
+        from those of elements that rest.
+        """
         slopes = self._at(t, x, z, u, p, m)
         if slopes is None:
             return True
         reach = np.abs(slopes.slope) @ np.abs(z / self.scale)
-        return bool((np.abs(slopes.residual) > _CONTRADICTED * reach + _ABSOLUTE).any())
+        excess = np.abs(slopes.residual) - _CONTRADICTED * reach - _ABSOLUTE
+        if not (excess > 0.0).any():
+            return False
+        (by_x,) = self._by_states(t, x, z, u, p, m)
+        moved = border.null @ (slopes.rows[:, None] * by_x.reshape(len(z), len(x)))
+        return bool((excess > np.abs(moved) @ errors).any())
+
+    @cached_property
+    def _by_states(self) -> BufferedFunction:
+        """Derivative of the algebraic equations by the states."""
+        arguments = self.rhs.sx_in()
+        slope = ca.jacobian(self.rhs(*arguments)[1], arguments[1])
+        return BufferedFunction(ca.Function("by_states", arguments, [ca.densify(slope)]))
 
     def creep(self, t: float, x: Vector, z: Vector, u: Vector, p: Vector, m: Vector) -> float:
         """A small number to replace the infinitesimal creep; 0 if nothing depends on it."""

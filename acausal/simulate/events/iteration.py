@@ -278,7 +278,7 @@ class Iteration:
             return
         at = t, moment.x, moment.z, self.problem.u, self.problem.p, moment.m
         names = self.shares.open(*at)
-        if self.shares.contradicts(*at):
+        if self.shares.contradicts(moment.regime.border, self._errors(moment), *at):
             raise overloaded(self.problem.compiled.name, t, names)
         if names not in self._noted:
             self._noted.add(names)
@@ -294,7 +294,7 @@ class Iteration:
             return
         for k, t in enumerate(times.tolist()):
             at = t, x[:, k], z[:, k], self.problem.u, self.problem.p, moment.m
-            if self.shares.contradicts(*at):
+            if self.shares.contradicts(moment.regime.border, self._errors(moment), *at):
                 raise overloaded(self.problem.compiled.name, t, self.shares.open(*at))
 
     def _clash(self, t: float, moment: Moment, found: Round) -> Exception:
@@ -410,11 +410,15 @@ class Iteration:
         regime = self.regime(moment.regime, border)
         moment = replace(moment, regime=regime)
         z = consistent(regime.compiled, t, start, problem.p, problem.u, moment.m).z
-        if border is not None and self.shares.contradicts(t, moment.x, z, *numbers):
+        if border is not None and self.shares.contradicts(border, self._errors(moment), t, moment.x, z, *numbers):
             m = moment.m.copy()
             m[self.shares.place] = self.shares.creep(t, moment.x, z, *numbers)
             z = consistent(problem.compiled, t, start, problem.p, problem.u, m).z
         return replace(moment, z=z)
+
+    def _errors(self, moment: Moment) -> Vector:
+        """Errors of the states: ten tolerances, as for guards."""
+        return 10.0 * self.guards.tolerances.of(moment.x, self.problem.compiled.nominal_x)
 
     def regime(self, of: Regime, border: Border | None) -> Regime:
         """The regime with the same holds and another border."""

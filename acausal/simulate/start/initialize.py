@@ -114,7 +114,9 @@ def _without_creep(
     """The start without creep, solved again if it affects states; algebraic variables are solved for later anyway."""
     if not _free(compiled):
         return start
-    border = shares.border(compiled, t, start.x, start.z, u, p, m)
+    x = start.x.copy()
+    x[list(assigned)] = list(assigned.values())
+    border = shares.border(compiled, t, x, start.z, u, p, m)
     return _initialized(compiled if border is None else border.compiled, t, p, u, m, assigned)
 
 
