@@ -24,6 +24,7 @@ from acausal import (
     log,
     maximum,
     no_event,
+    parameter,
     pre,
     reset,
     sin,
@@ -243,3 +244,36 @@ def test_a_reaction_beside_the_end_of_a_domain_is_the_whole_one(beyond: float) -
         assert float(settled) == 1.0
         assert float(x[made.x.position("n")]) == 1.0
     assert float(ca.mmin(events.indicators(x, [], [], p, m))) >= 0.0
+
+
+# Relations of arcs of u = (x - 0.6)/w, and the length in u on which each is true, by the sine and the cosine.
+ARCS: tuple[tuple[Relation, float], ...] = (
+    (lambda u: asin(u) > 0.0, 1.0),
+    (lambda u: -0.3 < asin(u), 1.0 + math.sin(0.3)),
+    (lambda u: asin(u) < -1.4, 1.0 - math.sin(1.4)),
+    (lambda u: asin(u) < 2.0, 2.0),
+    (lambda u: acos(u) < 1.0, 1.0 - math.cos(1.0)),
+    (lambda u: acos(u) > 2.9, 1.0 + math.cos(2.9)),
+    (lambda u: 2.9 >= acos(u), 1.0 - math.cos(2.9)),
+    (lambda u: 2.0 * asin(u) > 0.0, 1.0),
+)
+
+
+class NarrowArc(Component):
+    """A rate acts while a relation of an arc holds, whose domain is 2 w wide."""
+
+    case: int = structural()
+    w: Real = parameter(default=1e-4)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.3
+        yield der(self.y) == where(ARCS[self.case][0]((self.x - 0.6) / self.w), 1.0 / self.w, 0.0)
+
+
+@pytest.mark.parametrize("solver", slow_but(["rosenbrock", "erk", "idas"], "rosenbrock"))
+@pytest.mark.parametrize("case", range(len(ARCS)))
+def test_a_relation_of_an_arc_of_a_narrow_domain_acts_in_full(case: int, solver: str) -> None:
+    run = acausal.simulate(NarrowArc(case=case), stop_time=1.0, tolerance=1e-8, solver=solver, native=False)
+    assert run.final("y") == pytest.approx(ARCS[case][1] / 1.3, rel=1e-6)

@@ -309,9 +309,14 @@ def _logarithm(pool: Pool, q: list[int]) -> _Extension:
 
 
 def _arc(op: str) -> Callable[[Pool, list[int]], _Extension]:
+    """Extension by straight lines: a guard that is constant on both sides of a narrow domain would not show it."""
+
     def extension(pool: Pool, q: list[int]) -> _Extension:
-        ends = [pool.make(op, pool.const(v)) for v in (1.0, -1.0)]
-        beyond = pool.where(_test(pool, "gt", q[0], 0.0), *ends)
+        lines = []
+        for end in (1.0, -1.0):
+            beyond = pool.sub(q[0], pool.const(end))
+            lines.append(pool.make("add" if op == "asin" else "sub", pool.make(op, pool.const(end)), beyond))
+        beyond = pool.where(_test(pool, "gt", q[0], 0.0), *lines)
         return _test(pool, "lt", pool.make("fabs", q[0]), 1.0), [pool.zero], beyond, True
 
     return extension

@@ -15,6 +15,7 @@ that solve its equations divide by pivots, which are chosen so that they do not 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Iterable
 from functools import partial, reduce
 
@@ -89,9 +90,32 @@ class Existence:
             return exists, pool.make(op, pool.where(positive, difference, pool.neg(difference)), pool.zero)
         if exists == pool.one:
             return exists, relation
+        arcs = [self.pool.nodes[self._resolved(n)] for n in sides]
+        for side, (kind, *operands) in enumerate(arcs):
+            if kind in ("asin", "acos"):
+                return exists, self._of_arc(op, side, kind, operands[0], self.images[sides[1 - side]])
         # the slope of a root has no bound at its zero, which is that of its operand
         image = self._operand_of_root if pool.zero in sides else self.images.__getitem__
         return exists, pool.make(op, *(image(n) for n in sides))
+
+    def _of_arc(self, op: str, side: int, kind: str, operand: int, other: int) -> int:
+        """`asin(u) > b` as `u > sin(b)`, since the slope of an arc has no bound at the ends of its domain.
+
+        Beyond 90 degrees, the sine goes on as a straight line, so that it increases everywhere.
+        """
+        pool = self.pool
+        quarter = pool.const(math.pi / 2)
+        angle = other if kind == "asin" else pool.sub(quarter, other)
+        within = pool.make("max", pool.make("min", angle, quarter), pool.neg(quarter))
+        compared = [self.images[operand], pool.add(pool.make("sin", within), pool.sub(angle, within))]
+        return pool.make(op, *(compared if (side == 0) == (kind == "asin") else reversed(compared)))
+
+    def _resolved(self, number: int) -> int:
+        """A node, or the definition of a variable."""
+        nodes = self.pool.nodes
+        while nodes[number][0] == "var" and nodes[number][1] in self.defined:
+            number = self.defined[nodes[number][1]]
+        return number
 
     def _operand_of_root(self, side: int) -> int:
         """The image of the operand of a root or power that is zero where its operand is; of the side itself if none."""
@@ -254,9 +278,7 @@ class Existence:
 
     def _range(self, number: int, value: Callable[[int], float | None]) -> Interval:
         """Bounds of a node, through the definitions of its variables, for values of those that are constant."""
-        nodes = self.pool.nodes
-        while nodes[number][0] == "var" and nodes[number][1] in self.defined:
-            number = self.defined[nodes[number][1]]
+        number = self._resolved(number)
         return ranges(self.pool, self.pool.reachable([number]), value, kinks=True)[number]
 
 
