@@ -129,6 +129,24 @@ def test_values_inside_of_the_domain_do_not_change() -> None:
     assert acausal.simulate(Within(), stop_time=2.0, tolerance=1e-8).final("y") == pytest.approx(1.25, abs=1e-7)
 
 
+class Tank(Component):
+    """A level falls by a root to its outlet at 0.2, in a branch that is evaluated slightly beyond its condition."""
+
+    h: Real = variable(default=fixed(1.0))
+    q: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        outflow = where(self.h > 0.2, 0.8 * sqrt(self.h - 0.2), 0.0)
+        yield der(self.h) == -outflow
+        yield der(self.q) == minimum(outflow, 5.0)
+
+
+@pytest.mark.parametrize("solver", ["rosenbrock", "erk"])
+def test_an_operation_on_a_branch_goes_on_where_its_domain_ends(solver: str) -> None:
+    # what flows out is what the level has lost
+    assert acausal.simulate(Tank(), stop_time=4.0, solver=solver).final("q") == pytest.approx(0.8, abs=1e-5)
+
+
 class Chain(Component):
     """y[k] = sin(y[k - 1]), so that each is defined by the one before."""
 

@@ -51,16 +51,19 @@ def guarded(
     done: dict[int, int],
     discrete: Mapping[int, int],
     definitions: Sequence[tuple[int, int]],
+    above: Iterable[int] = (),
 ) -> dict[int, int]:
     """Images of those branches, powers and roots below `roots` that contain partially defined functions.
 
     `done` has images of other nodes and receives those of all nodes below; `discrete` maps discrete variables to their
-    definitions, `definitions` lists those of other variables in the order of evaluation.
+    definitions, `definitions` lists those of other variables in the order of evaluation. `above` are nodes whose images
+    in `done` may contain such nodes.
     """
     roots = list(roots)
     numbers = [n for n in pool.reachable(roots) if pool.nodes[n][0] in ("where", "pow", "sqrt")]
     if not numbers:
         return {}
+    numbers += above
     roots += [node for _, node in definitions]
     pool.rewrite(roots, pool.var, done)
     numbers = [n for n in numbers if n in done]  # others are needed only below nodes that already have an image

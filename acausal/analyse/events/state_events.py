@@ -168,7 +168,8 @@ def find_state_events(
     branches |= in_domains(pool, below_no_event, stated, done)
     branches |= without_value.images(swallowing, done)
     done |= branches
-    branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions)
+    kept = list(filter(without_value.concerns, branches))
+    branches |= guarded(pool, roots, done, _assigned(reduced), solution.definitions, kept)
     done = {**rewritten, **branches}
     if kinks_to_locate.bursts:
         branches |= without_underflow(pool, roots, done)

@@ -14,8 +14,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.partial_relations import Existence
 from acausal.flatten.pool import LEAVES, Pool
+from acausal.language.expressions.external import Call
 
 EXTREMA = frozenset(("min", "max"))
+_OPERATIONS = EXTREMA | {"sign", "floor", "ceil"}
 
 
 class WithoutValue:
@@ -34,8 +36,12 @@ class WithoutValue:
     def extrema(self) -> list[int]:
         """The minima and maxima of the model with an operand that may have no value, in evaluation order."""
         nodes = self.pool.nodes
-        extrema = [n for n in self._stated if nodes[n][0] in EXTREMA]
-        return [n for n in extrema if any(map(self.is_for, nodes[n][1:]))]
+        return [n for n in self._stated if nodes[n][0] in EXTREMA and self.concerns(n)]
+
+    def concerns(self, number: int) -> bool:
+        """Whether a node is an operation that keeps nan, on an operand that may have no value."""
+        op, *operands = self.pool.nodes[number]
+        return (op in _OPERATIONS or isinstance(op, Call)) and any(map(self.is_for, operands))
 
     def is_for(self, operand: int) -> bool:
         """Whether an operand may have no value."""
