@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
-from acausal import Equations, Real, assert_, connect, maximum, parameter, part, quantity, signal_input, signal_output
+from acausal import (
+    Equations,
+    Real,
+    assert_,
+    connect,
+    maximum,
+    no_event,
+    parameter,
+    part,
+    quantity,
+    signal_input,
+    signal_output,
+)
 from acausal.library.drilling.cutting import PartialCuttingForce
 from acausal.library.drilling.interfaces import PartialDrillingForce
 
@@ -59,6 +71,13 @@ class KinematicDrillingForce(PartialDrillingForce):
             (self.geometry.s <= 0) | (self.geometry.v >= -_STILL),
             f"AC193: the drill is drawn back in {self.level.name}, but a kinematic force does not remember the hole: "
             "if it enters again, it cuts material that is already gone; use DrillingForce for pecking",
+            level="warning",
+        )
+        yield assert_(
+            (self.geometry.s <= 0) | no_event(self.z_E * self.f_z <= self.d),
+            f"AC197: the drill is fed into {self.level.name} by more than its diameter in a turn: the force of a drill "
+            "that does not turn is that of a crash, and here it depends on n_min alone; turn it before it touches, or "
+            "use DrillingForce, which presses it on as a spring",
             level="warning",
         )
 

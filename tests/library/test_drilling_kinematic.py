@@ -10,6 +10,7 @@ from acausal.library.drilling import KinematicDrillingForce, Workpiece
 from acausal.library.multibody import Prismatic, Revolute, World
 from acausal.library.rotational import Speed as TurningSpeed
 from acausal.library.translational import Speed
+from acausal.models.drilling_kinematic import ThinPlate
 
 AXIS = (0.0, 0.0, 1.0)
 
@@ -49,3 +50,10 @@ def test_a_retreat_is_noted_and_a_steady_feed_is_not() -> None:
     assert float(note.split()[2]) == pytest.approx(3.1415927, abs=1e-5)
     run = acausal.simulate(Given(returns=False), stop_time=4.0)
     assert not [n for n in run.stats.get("notes", ()) if "AC193" in n]  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("n", "is_told"), [(9.28, False), (0.1, False), (0.0, True)])
+def test_a_drill_that_is_fed_without_turning_is_noted(n: float, is_told: bool) -> None:
+    # 1.672 mm/s at 0.1 1/s is a feed of 16.7 mm on a drill of 20 mm
+    run = acausal.simulate(ThinPlate(n=n), parameters={"drill.d": 0.02})
+    assert any("AC197" in note for note in run.stats.get("notes", ())) == is_told  # type: ignore[attr-defined]
