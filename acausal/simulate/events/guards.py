@@ -15,6 +15,7 @@ from acausal.lower.events.functions import AT_REST as AT_REST
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.record.algebraic import corrected
 from acausal.simulate.solvers.segment import Tolerances
 
 # Instants coincide if they are closer than this fraction of the run, or of the time: a hundred rounding errors of it.
@@ -29,9 +30,13 @@ _LOAD_ROUNDING = 1e-13
 _GOLDEN = 0.618
 # Guards count as zero within this fraction of their noise.
 STILL = 1e-2
-# Guards are located to this fraction of their noise, or to their rounding errors, what so many rounding errors of time
-# and states make of them. The error of the states moves both ends of an excursion; that of location its length.
-LOCATED, _ROUNDINGS = 1e-6, 8
+# Guards are located to this fraction of their noise, or to their rounding errors, what up to eight rounding errors of
+# time and states make of them. The error of the states moves both ends of an excursion; that of location its length.
+LOCATED, _ROUNDINGS = 1e-6, tuple(n * np.finfo(float).eps for n in (-8, -5, -2, 2, 5, 8))
+# By how much more two of them may differ: rounding errors are estimated from these few points.
+_MARGIN = 4.0
+# States are moved by a few multiples of this fraction of their errors: a current through 1e-5 Ohm moves in small steps.
+_SHIFT, _SHIFTS = 1e-4, 4
 # Where the noise beside a point is less than this fraction of that at the point, a guard is steep for a moment only.
 _STEADY = 0.1
 # The slowest rate that is assumed to predict when a guard is reached.
@@ -163,23 +168,75 @@ class Guards:
         A guard that still falls after its mode was kept for a moment gets just enough for that to be seen.
         """
         g, rate, noise = self.state(t, at)
-        band = _resting_band(g, rate, noise)
-        return _resting_band(g, rate, self.steady(t, at, noise)) if band.any() else band
+        band = self._band(t, at, g, rate, noise)
+        return self._band(t, at, g, rate, self.steady(t, at, noise)) if band.any() else band
+
+    def _band(self, t: float, at: Moment, g: Vector, rate: Vector, noise: Vector) -> Vector:
+        is_near = (g <= STILL * noise) & (rate <= noise)
+        if is_near.any():
+            is_near &= self.are_reached(t, at, g, rate, noise)
+        return np.where(is_near, np.where(rate < -noise, 2 * STILL * noise, 2 * noise), 0.0)
+
+    def are_reached(self, t: float, at: Moment, g: Vector, rate: Vector, noise: Vector) -> Truth:
+        """Guards of these distances that may be zero now, within a hundredth of their noise; shape (guards,).
+
+        Not those which certainly follow one that is passed now: both sides of `(x > c - w) & (x < c + w)` are as
+        uncertain as x, but where one is passed, x is known, and the other is reached after 2 w.
+        """
+        reached: Truth = g <= STILL * noise
+        unclear = reached & (g > LOCATED * noise) & (rate < -noise)
+        if len(g) == 1 or not unclear.any():
+            return reached
+        located = self.located(t, at, noise)
+        unclear &= g > located
+        passed = np.flatnonzero((np.abs(g) <= located) & (np.abs(rate) > noise))
+        if unclear.any() and len(passed):
+            apart = _MARGIN * located + self._apart(t, at, g, rate, passed, located)
+            reached[unclear] &= g[unclear] <= apart[unclear]
+        return reached
+
+    def _apart(
+        self, t: float, at: Moment, g: Vector, rate: Vector, passed: NDArray[np.intp], located: Vector
+    ) -> Vector:
+        """How far guards may be from zero at the instant of the one among `passed` that determines them best.
+
+        A hundredth of their noise if that one is zero, and as much as the time to its zero means for them.
+        """
+        error, found = self._errors(at)[0], np.full((len(passed), len(g)), 0.0)
+        signs = np.ones(len(at.x)), self._signs(at)
+        for shift in (n * _SHIFT * error * s for n in range(1, _SHIFTS + 1) for s in signs):
+            try:
+                moved = self.distances(t, self.solved(t, replace(at, x=at.x + shift))) - g
+            except RuntimeError:
+                return np.full(len(g), np.inf)
+            since = moved[passed] / rate[passed]  # how much earlier these are passed
+            found = np.maximum(found, np.abs(moved - since[:, None] * rate))
+        off = ((np.abs(g) + _MARGIN * located)[passed] / np.abs(rate[passed]))[:, None] * np.abs(rate)
+        return np.asarray((found * (STILL / _SHIFT) + off).min(axis=0))
+
+    def _signs(self, at: Moment) -> Vector:
+        """Some up and some down: voltages that all change by the same factor remain as different as they were."""
+        return np.where(np.arange(len(at.x)) * _GOLDEN % 1.0 < 0.5, 1.0, -1.0)
 
     def located(self, t: float, at: Moment, noise: Vector) -> Vector:
         """How close to zero guards of this noise can be located; shape (guards,).
 
-        As far as rounding errors permit, but for models with algebraic variables, which are solved for less exactly.
+        As far as rounding errors permit; not if the algebraic variables cannot be solved for.
         """
-        if len(at.z):
+        beside = [(t * (1.0 - up), replace(at, x=at.x * (1.0 + up * self._signs(at)))) for up in _ROUNDINGS]
+        try:
+            found = np.array([self.distances(there, self.solved(there, moment)) for there, moment in beside])
+        except RuntimeError:
             return STILL * noise
-        epsilon = _ROUNDINGS * np.finfo(float).eps
-        # some up and some down, because voltages that all change by the same factor remain as different as they were
-        up = epsilon * np.where(np.arange(len(at.x)) * _GOLDEN % 1.0 < 0.5, 1.0, -1.0)
-        above, below = (
-            self.distances(t * (1.0 - side * epsilon), replace(at, x=at.x * (1.0 + side * up))) for side in (1.0, -1.0)
-        )
-        return np.minimum(np.fmax(LOCATED * noise, np.abs(above - below)), STILL * noise)
+        return np.asarray(np.minimum(np.fmax(LOCATED * noise, np.ptp(found, axis=0)), STILL * noise))
+
+    def solved(self, t: float, at: Moment) -> Moment:
+        """The same with algebraic variables that satisfy their equations; RuntimeError if Newton's method fails."""
+        if not len(at.z):
+            return at
+        p = at.regime.problem
+        z = corrected(p.compiled, np.array([t]), at.x[:, None], at.z[:, None], p.u, p.p, at.m, self.tolerances)
+        return replace(at, z=z[:, 0])
 
     def steady(self, t: float, at: Moment, noise: Vector) -> Vector:
         """The noise of guards, where it is as large beside this point, within the errors of states; shape (guards,).
@@ -277,7 +334,7 @@ class Guards:
     def _reached(self, t: float, at: Moment) -> tuple[Truth, Vector]:
         """Guards that are reached and falling, and the time to each at its rate [s], negative if it rises."""
         g, rate, noise = self.state(t, at)
-        is_near = np.abs(g) <= np.maximum(STILL * noise, np.abs(rate) * same_instant(self.span, t))
+        is_near = self.are_reached(t, at, g, rate, noise) | (np.abs(g) <= np.abs(rate) * same_instant(self.span, t))
         ahead = np.abs(g) / np.where(np.abs(rate) > _SLOWEST, -rate, -_SLOWEST)
         return np.asarray((g < 0) | (is_near & (rate < 0))), ahead
 
@@ -285,9 +342,3 @@ class Guards:
 def _finite(noise: Vector) -> Vector:
     """Noise that is not finite counts as almost none; it is at most the largest distance, as distances are."""
     return np.where(np.isfinite(noise), np.minimum(noise, FAR), LEAST)
-
-
-def _resting_band(g: Vector, rate: Vector, noise: Vector) -> Vector:
-    """See `Guards.resting_band`."""
-    width = np.where(rate < -noise, 2 * STILL * noise, 2 * noise)
-    return np.where((g <= STILL * noise) & (rate <= noise), width, 0.0)

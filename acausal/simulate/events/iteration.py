@@ -445,8 +445,10 @@ class Iteration:
         own_noise = noise
         tally.noise[relations[free]] = np.maximum(tally.noise[relations[free]], noise[free])
         noise = np.where(free & (tally.flips[relations] > 1), tally.noise[relations], noise)
-        # a fraction of the noise, because a thin plate has its other side within it; or the accuracy of instants
-        is_at_guard = g <= np.maximum(STILL * noise, np.abs(rate) * same_instant(self.guards.span, t))
+        # not the whole noise, because a thin plate has its other side within it
+        reached = self.guards.are_reached(t, moment, g, rate, noise)
+        is_at_guard = np.where(tally.flips[relations] > 0, g <= STILL * noise, reached)
+        is_at_guard |= g <= np.abs(rate) * same_instant(self.guards.span, t)
         if not (is_at_guard | (g <= 0.0)).any():
             return np.zeros(len(g), dtype=bool)
         wrong = g < -2 * noise

@@ -11,9 +11,9 @@
 
 #define LOW 0.05 /* no tangent is used that leads closer to the left node than this fraction of the interval */
 
-/* A point of the solution: states, and of each guard its distance, its rate, and what counts as zero. */
+/* A point of the solution: states, and of each guard its distance, its rate, and its noise. */
 struct node {
-  double t, *x, *above, *rate, *near;
+  double t, *x, *above, *rate, *noise;
 };
 
 static double most(double a, double b) { return a > b ? a : b; }
@@ -36,13 +36,15 @@ static double first_zero_of(const struct cubic* c) {
 }
 
 /* The first time between two nodes at which a guard may be passed; INFINITY if there is none. With `by_tangent`, after
-   cubics have failed, guards that were passed are searched where their tangents at the right node are zero. */
-static double next_candidate(long long relations, const struct node* left, const struct node* right, int is_there, int by_tangent) {
+   cubics have failed, guards that were passed are searched where their tangents at the right node are zero. Guards that are
+   `away` exceed their noise at the ends of the interval that contains this one. */
+static double next_candidate(long long relations, const struct node* left, const struct node* right, int is_there, int by_tangent,
+                             const unsigned char* away) {
   double width = right->t - left->t, found = INFINITY;
   long long k;
   for (k = 0; k < relations; ++k) {
     double p = left->above[k], q = right->above[k], a = left->rate[k] * width, b = right->rate[k] * width;
-    double near = most(left->near[k], right->near[k]), at = INFINITY;
+    double near = away[k] ? 0.0 : STILL * most(left->noise[k], right->noise[k]), at = INFINITY;
     if (q < 0) {
       if (is_there) continue;
       if (by_tangent && b < 0 && 1 - q / b > LOW) at = 1 - q / b;
@@ -61,6 +63,6 @@ static void copy_node(long long states, long long relations, const struct node* 
   memcpy(to->x, from->x, states * sizeof(double));
   memcpy(to->above, from->above, relations * sizeof(double));
   memcpy(to->rate, from->rate, relations * sizeof(double));
-  memcpy(to->near, from->near, relations * sizeof(double));
+  memcpy(to->noise, from->noise, relations * sizeof(double));
 }
 

@@ -22,16 +22,20 @@ static int acausal_may_dip(const struct casadi_ivp_data* d, const struct acausal
   return d->e0[i] >= 0 && !(change < d->e0[i] && change < d->e1[i]);
 }
 
-/* The first time at which a guard may be passed there and back in this step, and its index; INFINITY if there is none. */
-static casadi_real acausal_first_dip(const struct casadi_ivp_data* d, const struct acausal_run* run, casadi_int* which) {
+/* The first time at which a guard may be passed there and back in this step, and its index; INFINITY if there is none. Also
+   whether this guard exceeds its noise at both ends of the step. */
+static casadi_real acausal_first_dip(const struct casadi_ivp_data* d, struct acausal_run* run, casadi_int* which) {
   casadi_int i;
   casadi_real found = INFINITY, s;
+  int is_away;
   for (i = 0; i < d->prob->ne; ++i) {
     if (!(d->e0[i] >= 0 && d->e1[i] >= 0)) continue;
-    s = dip_of(d->e0[i], d->h * d->edot0[i], d->e1[i], d->h * d->edot1[i], run->nears[i]);
+    is_away = d->e0[i] > run->noises[i] && d->e1[i] > run->noises[i];
+    s = dip_of(d->e0[i], d->h * d->edot0[i], d->e1[i], d->h * d->edot1[i], is_away ? 0.0 : STILL * run->noises[i]);
     if (d->t0 + s * d->h < found) {
       found = d->t0 + s * d->h;
       *which = i;
+      run->away = is_away ? i : -1;
     }
   }
   return found;

@@ -5,6 +5,8 @@
 /* The fraction of the depth of a cubic below its ends by which it may be wrong: an oscillation of which a step is one
    radian is wrong by a fiftieth. */
 #define CUBIC_ERROR 0.0625
+/* Guards count as zero within this fraction of their noise. */
+#define STILL 1e-2
 
 /* The cubic from p at 0 to q at 1 with slopes a and b. */
 struct cubic {
@@ -31,7 +33,8 @@ static struct cubic cubic_of(double p, double a, double q, double b) {
 }
 
 /* The point at which a guard from p at 0 to q at 1, both positive, with slopes a and b there, may be passed in both
-   directions; INFINITY if there is none. Guards below `near` count as zero. */
+   directions; INFINITY if there is none. Guards below `near` count as zero: 0 between two points at which a guard exceeds its
+   noise, because an error of the states moves all of its excursion, and does not make it longer or shorter. */
 static double dip_of(double p, double a, double q, double b, double near) {
   double least = p < q ? p : q, low = (CUBIC_ERROR * least - near) / (1 + CUBIC_ERROR), at = INFINITY;
   struct cubic c;

@@ -15,13 +15,14 @@
 enum { DONE = 0, FULL = 1, UNUSUAL = 2, ARRIVED = 3, INTERRUPTED = 100 };
 enum { MESH_POINTS = 64, FEWEST_POINTS = 2, AT_ONCE = 12, CHATTER = 3, TWICE = 2, MOST_ROUNDS = 400, ENDLESS = 40, NEARLY = 16 };
 enum { ROW = 1, MESH = 2 }; /* purposes of an instant */
-enum { DEEPEST = 60, MOST_POINTS = 400, SHARP_POINTS = 8 };
+enum { DEEPEST = 60, MOST_POINTS = 400, SHARP_POINTS = 8, SHIFTS = 8 };
 #define INSTANT 1e-12 /* instants closer than this fraction of the run, or of the time, coincide: guards.py */
 #define FEW_INSTANTS 2.0 /* an interval this short is not divided where a guard jumps in it */
 #define ROUNDINGS 2e-14
-#define STILL 1e-2   /* guards count as zero within this fraction of their noise */
-#define LOCATED 1e-6 /* and are located to this one, or to their rounding errors */
-#define EPSILON 1.8e-15 /* eight rounding errors */
+#define LOCATED 1e-6 /* guards are located to this fraction of their noise, or to their rounding errors */
+#define EPSILON 2.2e-16 /* a rounding error */
+#define MARGIN 4        /* by how much more two guards may differ: rounding errors are estimated from a few points */
+#define SHIFT 1e-4     /* states are moved by a few multiples of this fraction of their errors */
 #define BEHIND 1.001
 #define ROUNDED 1e-15 /* noise of guards that depend on no error */
 #define GOLDEN 0.618
@@ -115,13 +116,14 @@ struct space {
   double *relaxed_noise; /* noises for a step */
   double *mean_rate;     /* of guards in the last step: crossings.c */
   double *located;       /* how close to zero guards can be located */
+  double *later;         /* how far apart guards must be to be passed one after the other */
   double known_t, known_step;
   double turning; /* the largest rate of a phase where guards were evaluated last [rad/s] */
   int known; /* 0 nothing, 1 guards, rates and noises, 2 also noises for a step */
   double *regime, *held; /* constants, modes and discrete variables, and the values that they alone determine */
   int is_held;
   double* last; /* scaled states from which the integrator took its last step before it was stopped */
-  unsigned char *fired, *leaves, *resting, *purpose;
+  unsigned char *fired, *leaves, *resting, *away, *reached, *purpose;
   count_t* flips;
   casadi_int arguments, results;
 };
@@ -298,22 +300,9 @@ static int are_steady(struct event_loop* s, struct space* o, double t, const uns
   return 1;
 }
 
-/* How close to zero guards can be located at a point (`Guards.located`). */
-static int locate(struct event_loop* s, struct space* o, double t, const double* x) {
-  count_t k, side;
-  for (side = 0; side < 2; ++side) {
-    double up = side ? EPSILON : -EPSILON, there = t * (1 - up);
-    for (k = 0; k < s->states; ++k) o->beside_x[k] = x[k] * (fmod(GOLDEN * (double) k, 1) < 0.5 ? 1 + up : 1 - up);
-    o->arg[0] = &there; o->arg[1] = o->beside_x; o->arg[2] = o->held; o->arg[3] = o->error;
-    o->res[0] = side ? o->beside : o->located; o->res[1] = o->res[2] = o->res[3] = 0;
-    if (judged(o->arg, o->res, o->iw, o->w, 0)) return UNUSUAL;
-  }
-  for (k = 0; k < s->relations; ++k) {
-    double rounded = fabs(o->located[k] - o->beside[k]);
-    o->located[k] = rounded > STILL * o->noise[k] ? STILL * o->noise[k] : most(rounded, LOCATED * o->noise[k]);
-  }
-  return 0;
-}
+/* How close to zero guards can be located, and which may be zero now, in reached.c. */
+static int locate(struct event_loop* s, struct space* o, double t, const double* x);
+static int find_reached(struct event_loop* s, struct space* o, double t);
 
 static count_t first_relation(const struct event_loop* s) { return s->modes - s->relations; }
 
@@ -352,11 +341,10 @@ static int find_fired(struct event_loop* s, struct space* o, double t) {
   count_t k, nearest = 0;
   int any = 0;
   double least = INFINITY, instant = as_one(s, t);
-  if (take_guards(s, o, t, s->x, o->g) || take_rates(s, o, t)) return UNUSUAL;
+  if (take_guards(s, o, t, s->x, o->g) || take_rates(s, o, t) || find_reached(s, o, t)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
     double away = fabs(o->g[k]), speed = fabs(o->rate[k]);
-    int near = away <= most(STILL * o->noise[k], speed * instant);
-    o->fired[k] = o->g[k] < 0 || (near && o->rate[k] < 0);
+    o->fired[k] = o->g[k] < 0 || ((o->reached[k] || away <= speed * instant) && o->rate[k] < 0);
     any += o->fired[k];
     if (away / most(speed, 1e-30) < least) { least = away / most(speed, 1e-30); nearest = k; }
   }
@@ -418,7 +406,7 @@ static int evaluate_node(const struct event_loop* s, struct space* o, struct nod
   for (k = 0; k < s->relations; ++k) {
     n->above[k] += o->band[k];
     n->rate[k] = o->rate[k];
-    n->near[k] = STILL * o->noise[k];
+    n->noise[k] = o->noise[k];
   }
   return 0;
 }
@@ -449,7 +437,7 @@ static int advance(struct event_loop* s, struct space* o, const struct node* fro
   s->run.last = o->last;
   s->run.is_blind = band == o->no_band;
   s->run.distances = from->above;
-  s->run.nears = from->near;
+  s->run.noises = from->noise;
   memcpy(o->mean_rate, from->rate, (size_t) s->relations * sizeof(double));
   s->run.rates = o->mean_rate;
   s->run.looked = 0.0;
@@ -518,21 +506,23 @@ static int step_to_stop(struct event_loop* s, struct space* o, double begin, dou
   return status;
 }
 
-/* How close to zero a guard of a node must be to be located there, after `count` points of a search: one that falls by more
-   than its noise in a second as close as it can be, in an interval that is longer than an instant. */
+/* How close to zero a guard of a node must be to be located there, after `count` points of a search: one that changes by
+   more than its noise in a second as close as it can be, in an interval that is longer than an instant. */
 static double zero_of(const struct space* o, const struct node* n, count_t k, int is_instant, count_t count) {
-  if (is_instant || !(n->rate[k] < -n->near[k] / STILL)) return n->near[k];
-  return count < SHARP_POINTS ? LOCATED / STILL * n->near[k] : o->located[k];
+  if (is_instant || !(fabs(n->rate[k]) > n->noise[k])) return STILL * n->noise[k];
+  return count < SHARP_POINTS ? LOCATED * n->noise[k] : o->located[k];
 }
 
 /* Search from node 0 to node 1 for an event, and leave the first one in node 0, or node 1 if there is none.
-   Nodes 1, 2, ... are a stack of those still ahead. */
-static int search(struct event_loop* s, struct space* o, double instant, int* found) {
+   Nodes 1, 2, ... are a stack of those still ahead. `away`: a guard that exceeds its noise around this interval, or -1. */
+static int search(struct event_loop* s, struct space* o, double instant, count_t away, int* found) {
   struct node* left = o->node;
   count_t top = 1, count, k;
   double widths[2] = {INFINITY, INFINITY}; /* of the intervals that were divided last */
   int moved = 0;
   *found = 0;
+  for (k = 0; k < s->relations; ++k)
+    o->away[k] = k == away || (left->above[k] > left->noise[k] && o->node[1].above[k] > o->node[1].noise[k]);
   for (count = 0; count < MOST_POINTS; ++count) {
     struct node* right = o->node + top;
     int passed = 0, here = 0, far = 0, wide, is_there, status;
@@ -549,7 +539,7 @@ static int search(struct event_loop* s, struct space* o, double instant, int* fo
     wide = width > instant;
     is_there = passed && (!wide || !far);
     /* before a guard is reached, others may have been passed in both directions */
-    trial = wide ? next_candidate(s->relations, left, right, is_there, width > 0.5 * widths[1]) : INFINITY;
+    trial = wide ? next_candidate(s->relations, left, right, is_there, width > 0.5 * widths[1], o->away) : INFINITY;
     if (!isfinite(trial)) {
       copy_node(s->states, s->relations, right, left);
       moved = 1;

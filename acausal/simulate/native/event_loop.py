@@ -11,7 +11,7 @@ from typing import Any
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.program import INTERRUPTED, Placed, Program, RunStructure, prepare
 
-_FILES = "bracketing.c", "event_loop.c", "rounds.c", "stretches.c"
+_FILES = "bracketing.c", "event_loop.c", "reached.c", "rounds.c", "stretches.c"
 
 
 def _fields(kind: Any, names: str) -> tuple[tuple[str, Any], ...]:

@@ -50,11 +50,11 @@ class RunStructure(ctypes.Structure):
         *((name, ctypes.c_longlong) for name in ("columns", "functions", "doubts")),
         ("held", ctypes.c_void_p),
         ("is_blind", ctypes.c_longlong),
-        *((name, ctypes.c_void_p) for name in ("distances", "nears")),
+        *((name, ctypes.c_void_p) for name in ("distances", "noises")),
         ("longest", ctypes.c_double),
         ("rates", ctypes.c_void_p),
         ("looked", ctypes.c_double),
-        *((name, ctypes.c_longlong) for name in ("slopes", "is_dip", "most")),
+        *((name, ctypes.c_longlong) for name in ("slopes", "is_dip", "away", "most")),
     )
 
 

@@ -25,15 +25,15 @@ static int decide(struct event_loop* s, struct space* o, double t, count_t* turn
     if (take_guards(s, o, t, s->x, o->g)) return UNUSUAL;
     for (k = 0; k < s->relations; ++k) far &= o->g[k] > 1.0;
     if (far) return 0;
-    if (take_rates(s, o, t)) return UNUSUAL;
+    if (take_rates(s, o, t) || find_reached(s, o, t)) return UNUSUAL;
     for (k = 0; k < s->relations; ++k) {
       double noise = o->noise[k];
       o->largest_noise[k] = most(o->largest_noise[k], noise);
       if (o->flips[k] > 1) noise = o->largest_noise[k];
-      double near = most(STILL * noise, fabs(o->rate[k]) * as_one(s, t));
+      int near = (o->flips[k] ? o->g[k] <= STILL * noise : o->reached[k]) || o->g[k] <= fabs(o->rate[k]) * as_one(s, t);
       double* mode = s->m + first_relation(s) + k;
       int untied = o->g[k] == 0.0 && o->rate[k] == 0.0 && o->flips[k] < TWICE && s->ties[k] >= 0 && *mode != (double) s->ties[k];
-      o->leaves[k] = (leaving || s->timed[k]) && o->g[k] <= near && o->rate[k] < -noise;
+      o->leaves[k] = (leaving || s->timed[k]) && near && o->rate[k] < -noise;
       leaves |= o->leaves[k];
       if (o->g[k] < -2 * noise || untied || o->leaves[k]) {
         *mode = 1.0 - *mode;

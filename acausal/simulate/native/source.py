@@ -55,14 +55,16 @@ struct acausal_run {
   long long doubts; /* number of places that may have been stepped over */
   /* values that parameters, modes and discrete variables alone determine, if they are known */
   const double* held;
-  /* events: whether they are ignored; the guards at the start, what counts as zero, and their mean rates in the last
+  /* events: whether they are ignored; the guards at the start, their noises, and their mean rates in the last
      step that was looked at, which ended at `looked`; whether a call for the guards is to return their slopes along
      the solution too, or only these */
   long long is_blind;
-  const double *distances, *nears;
+  const double *distances, *noises;
   double longest; /* step, 0 if there is no bound besides that of the integrator */
   double *rates, looked;
-  long long slopes, is_dip; /* `is_dip`: whether the stop is at the lowest point of a guard */
+  long long slopes;
+  /* whether the stop is at the lowest point of a guard; this guard, if it exceeds its noise at both ends of the step */
+  long long is_dip, away;
   long long most; /* steps between two rows, 0 if there is no bound besides that of the integrator */
 };
 /* The shorter one of two longest steps, of which 0 is none. */

@@ -6,7 +6,7 @@ static int lingers(const struct event_loop* s, const struct space* o) {
   const struct node *left = o->node, *right = o->node + 1;
   count_t k;
   for (k = 0; k < s->relations; ++k)
-    if (right->above[k] > 0 && right->above[k] <= right->near[k] / STILL
+    if (right->above[k] > 0 && right->above[k] <= right->noise[k]
         && -right->rate[k] * (right->t - left->t) > right->above[k]) return 1;
   return 0;
 }
@@ -26,7 +26,7 @@ static void mark_reached(struct event_loop* s, struct space* o, count_t* k) {
 /* Integrate from node 0 over the rows `*k` to `last`, at which a step ends, or to the first event before it. */
 static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t last, int* found) {
   int status;
-  count_t j;
+  count_t j, away;
   while (*k <= last) {
     count_t first = *k;
     double instant = most(STILL * INSTANT * s->span, 0.05 * ROUNDINGS * fabs(o->instants[last])), begin = o->node[0].t, stop, t, beyond;
@@ -39,7 +39,7 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
       read_row(s, o, 0, o->instants[*k], o->node + 1);
       status = evaluate_node(s, o, o->node + 1);
       if (!status && lingers(s, o)) status = UNUSUAL;
-      if (!status) status = search(s, o, instant, found);
+      if (!status) status = search(s, o, instant, -1, found);
       if (status || *found) return status;
       mark_reached(s, o, k);
     }
@@ -49,15 +49,16 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
     beyond = begin + s->run.last_end;
     t = stop - o->node[0].t > instant ? stop : beyond < o->instants[*k] ? beyond : o->instants[*k];
     status = t == stop ? step_to_stop(s, o, begin, t, o->node + 1) : step_to(s, o, o->node, t, o->node + 1);
-    if (!status) status = search(s, o, instant, found);
+    away = t == stop && s->run.is_dip ? s->run.away : -1;
+    if (!status) status = search(s, o, instant, away, found);
     if (status || *found) return status;
     for (j = 0; t < o->instants[*k] && j < s->relations; ++j)
-      *found |= o->node->above[j] <= o->node->near[j] && o->node->rate[j] < 0;
+      *found |= j != away && o->node->above[j] <= STILL * o->node->noise[j] && o->node->rate[j] < 0;
     if (*found) return 0;
     if (beyond > t + instant && t < o->instants[*k]) {
       t = beyond < o->instants[*k] ? beyond : o->instants[*k];
       status = step_to(s, o, o->node, t, o->node + 1);
-      if (!status) status = search(s, o, instant, found);
+      if (!status) status = search(s, o, instant, away, found);
       if (status || *found) return status;
     }
     if (t == o->instants[*k]) mark_reached(s, o, k);
@@ -134,8 +135,9 @@ static int integrate_stretch(struct event_loop* s, struct space* o) {
   if (s->rows + (until - from) + 3 > s->row_capacity || s->events + 1 >= s->event_capacity) return FULL;
   if (s->trail_capacity && s->trail + (until - from) + points + 1 > s->trail_capacity) return FULL;
   if (take_guards(s, o, s->here, s->x, o->g) || take_rates(s, o, s->here)) return UNUSUAL;
+  if (find_reached(s, o, s->here)) return UNUSUAL;
   for (k = 0; k < s->relations; ++k) {
-    o->resting[k] = o->g[k] <= STILL * o->noise[k] && o->rate[k] <= o->noise[k];
+    o->resting[k] = o->reached[k] && o->rate[k] <= o->noise[k];
     resting |= o->resting[k];
     /* one that still falls, as its mode was kept a little longer, passes its guard by as much as can be distinguished */
     o->later_band[k] = o->resting[k] ? (o->rate[k] < -o->noise[k] ? 2 * STILL : 2) * o->noise[k] : 0.0;
@@ -218,13 +220,13 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   count_t c = s->conditions;
   count_t sizes[] = {s->assigned, n, s->modes, c, c, s->clauses, s->actions, c, s->memories, s->asserts, c, c,
                      r, r, n, r, r, r, r, r, r, r, r, r, n, n, s->modes, s->modes, wide, wide, wide * s->dynamic, wide * s->dynamic, all, n,
-                     n, s->modes, r, r, r, r, r, r, n, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
+                     n, s->modes, r, r, r, r, r, r, r, n, HELD, s->constants + s->modes + s->discretes, (DEEPEST + 2) * each};
   double** parts[] = {&o->assigned, &o->next_x, &o->next_m, &o->next_was, &o->next_decided, &o->acting, &o->applied,
                       &o->conditions, &o->remembered, &o->asserts, &o->was, &o->decided, &o->g, &o->rate, &o->error,
                       &o->noise, &o->largest_noise, &o->band, &o->later_band, &o->no_band, &o->approach,
                       &o->beside, &o->beside_rate, &o->beside_noise, &o->beside_x, &o->before_x, &o->before_m, &o->left_m, &o->instants, &o->lengths, &o->row, &o->ahead, &o->parameters, &o->x0,
                       &o->known_x, &o->known_m, &o->known_g, &o->known_rate, &o->known_noise,
-                      &o->relaxed_noise, &o->mean_rate, &o->located, &o->last, &o->held, &o->regime, &o->nodes};
+                      &o->relaxed_noise, &o->mean_rate, &o->located, &o->later, &o->last, &o->held, &o->regime, &o->nodes};
   size_t k, used = 0;
   for (k = 0; k < sizeof(sizes) / sizeof(*sizes); ++k) {
     if (memory) *parts[k] = memory + used;
@@ -233,7 +235,7 @@ static size_t lay_out(const struct event_loop* s, struct space* o, double* memor
   for (k = 0; memory && k < DEEPEST + 2; ++k) {
     double* q = o->nodes + k * (size_t) each;
     o->node[k].x = q;
-    o->node[k].above = q + n; o->node[k].rate = q + n + r; o->node[k].near = q + n + 2 * r;
+    o->node[k].above = q + n; o->node[k].rate = q + n + r; o->node[k].noise = q + n + 2 * r;
   }
   return used;
 }
@@ -257,7 +259,7 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
   o.settled = 1.0; /* with PLAIN, no event needs rounds */
   used = lay_out(s, &o, 0, wide);
   memory = malloc(sizeof(double) * (used + (size_t) (sizes[3] + 1)));
-  bytes = malloc((size_t) (3 * s->relations + wide + 1));
+  bytes = malloc((size_t) (5 * s->relations + wide + 1));
   o.arguments = sizes[0] + 9;
   o.results = sizes[1] + 13;
   o.arg = malloc(sizeof(double*) * (size_t) o.arguments);
@@ -276,7 +278,8 @@ CASADI_SYMBOL_EXPORT int acausal_event_loop(struct event_loop* s) {
     s->run.held = o.held; /* up to date whenever the integrator is called */
     o.w = memory + used;
     o.fired = bytes; o.leaves = o.fired + s->relations; o.resting = o.leaves + s->relations;
-    o.purpose = o.resting + s->relations;
+    o.away = o.resting + s->relations; o.reached = o.away + s->relations;
+    o.purpose = o.reached + s->relations;
     while (!status && s->segment < s->boundaries - 1) {
       struct event_loop kept = *s;
       memcpy(o.before_x, s->x, s->states * sizeof(double));

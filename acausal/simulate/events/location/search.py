@@ -192,7 +192,7 @@ class Search:
         at = replace(task.moment, x=x, z=z)
         g, rate, noise = self.guards.state(t, at)
         moved = np.abs(g) + np.abs(rate) * (t - task.start.time)
-        resting: Truth = (moved <= STILL * noise) & ~task.start.leaving
+        resting: Truth = (moved <= STILL * noise) & (rate >= -noise) & ~task.start.leaving
         if resting.any():
             noise = self.guards.steady(t, at, noise)
             resting &= moved <= STILL * noise
@@ -569,7 +569,8 @@ class Search:
             root = t + step
         watched = moment.regime.active_set.owners[which][0] in moment.regime.problem.compiled.state_events.watched
         if not (jumps[which] or watched) and abs(value) <= _CLOSE * noise[which]:
-            t, x = polished(self.guards, segment, replace(moment, x=x, z=z), t, which, value, right)
+            t, at = polished(self.guards, segment, replace(moment, x=x, z=z), t, which, value, right)
+            x, z = at.x, at.z
         due = segment.times[: np.searchsorted(segment.times, t)]
         earlier = outputs(self.integrate, task.moment.regime, segment, part, piece, due, counters)
         self._add_quadratures(task, due, earlier[0])
