@@ -206,6 +206,8 @@ def _meeting(g: Vector, h: Vector, slope: Vector, curve: Vector) -> Vector:
         none, bends = np.zeros((2, len(columns))), np.abs(curve[:, columns])
         left, right = np.concatenate([none, bends[:-1]]), np.concatenate([bends[1:], none])
         left[:2], right[-2:] = right[:2], left[-2:]
+        if len(slope) <= 3:  # all neighbours belong to the interval, too
+            left[:] = right[:] = bends.max(axis=0)
         a, b = s * h, (1.0 - s) * h
         wide_before, wide_after = np.concatenate([h[-1:], h[:-1]]), np.concatenate([h[1:], h[:1]])
         bend = np.maximum(left * a * (a + wide_before), right * b * (b + wide_after))

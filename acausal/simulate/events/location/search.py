@@ -29,6 +29,7 @@ from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.patience import Patience
 from acausal.simulate.events.location.phases import first_swing
 from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task, needs_more_steps
+from acausal.simulate.events.location.turning import turning
 from acausal.simulate.events.location.withdrawn import Withdrawn
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
@@ -45,8 +46,6 @@ _FINEST = 1e-14
 # The number of parts of an interval with a crossing, and how often it is divided. A piece that fails is shortened by
 # the first of these factors.
 _DIVISION, _DEEPEST = 16, 8
-# Rounding of a guard, in its largest value.
-_ROUNDED = 1e-12
 # Iterations of Newton's method for an instant, from this one on only towards the passed side. They end at this fraction
 # of the noise.
 _ONE_SIDED, _MOST_ITERATIONS, _CLOSE = 2, 7, 1e-3
@@ -348,25 +347,19 @@ class Search:
             is_passed = bool(below.any())
             last = mesh.start + 1 + int(np.argmax(below)) if is_passed else last
         if len(task.finer) < _DEEPEST:
-            intervals, bounds = lowest(mesh.times[: last + 1], mesh.judged[: last + 1])
-            ahead = self._is_ahead(task, mesh)
-            may_pass = (bounds < 0.0) & ahead[intervals] & ahead[intervals + 1]
-            for k in np.flatnonzero(may_pass.any(axis=1) & (intervals >= mesh.start)):
-                row = int(intervals[k])
-                if self._is_significant(task, mesh, row, bounds[k], may_pass[k], piece, rows):
+            # with two neighbours beyond the one that is passed, which show how guards bend
+            until = last + 1 + int(np.isfinite(mesh.judged[last + 1 : last + 3]).all(axis=1).cumprod().sum())
+            intervals, lows = lowest(mesh.times[:until], mesh.judged[:until])
+            bounds = turning(self.guards, task, mesh, piece, rows, min(last, len(mesh.times) - 1))
+            known = intervals < len(bounds)
+            bounds[intervals[known]] = np.fmin(bounds[intervals[known]], lows[known])
+            ahead = task.are_ahead(mesh)[: len(bounds) + 1]
+            may_pass = (bounds < 0.0) & ahead[:-1] & ahead[1:]
+            may_pass[: mesh.start] = False
+            for row in np.flatnonzero(may_pass.any(axis=1)).tolist():
+                if self._is_significant(task, mesh, row, bounds[row], may_pass[row], piece, rows):
                     return row, False
         return (last - 1, True) if is_passed else None
-
-    def _is_ahead(self, task: Task, mesh: Mesh) -> Truth:
-        """Whether guards are not passed yet at mesh points, by their mean rates if they have left zero; (n, guards).
-
-        The mean rate of one that was left above zero by rounding is negative where it is zero again to the last digit.
-        """
-        ahead = mesh.judged >= 0.0
-        if task.start.is_left and not task.finer:
-            since = np.maximum(mesh.times - task.start.time, 0.0)[:, None]
-            ahead |= (mesh.values >= 0.0) & (mesh.judged * since >= -_ROUNDED * task.largest) & task.start.leaving
-        return np.asarray(ahead)
 
     def _swings(
         self, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64], found: tuple[int, bool] | None

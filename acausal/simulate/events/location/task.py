@@ -16,6 +16,9 @@ from acausal.simulate.solvers.segment import Piece, Segment
 
 Record = Callable[[Vector, Piece], None]
 
+# Rounding of a guard, in its largest value.
+_ROUNDED = 1e-12
+
 MOST_STEPS = 10
 """The most steps of a solver from one mesh point to the next."""
 STRICTER = 1e-2
@@ -80,6 +83,17 @@ class Task:
     looked_until: float = -math.inf
     relations: bytes = b""
     most_points: int = FIRST_POINTS
+
+    def are_ahead(self, mesh: Mesh) -> Truth:
+        """Whether guards are not passed yet at mesh points, by their mean rates if they have left zero; (n, guards).
+
+        The mean rate of one that was left above zero by rounding is negative where it is zero again to the last digit.
+        """
+        ahead = mesh.judged >= 0.0
+        if self.start.is_left and not self.finer:
+            since = np.maximum(mesh.times - self.start.time, 0.0)[:, None]
+            ahead |= (mesh.values >= 0.0) & (mesh.judged * since >= -_ROUNDED * self.largest) & self.start.leaving
+        return np.asarray(ahead)
 
 
 def needs_more_steps(message: str) -> bool:
