@@ -221,8 +221,11 @@ class Guards:
     def located(self, t: float, at: Moment, noise: Vector) -> Vector:
         """How close to zero guards of this noise can be located; shape (guards,).
 
-        As far as rounding errors permit; not if the algebraic variables cannot be solved for.
+        As far as rounding errors permit, but for models with algebraic variables: these are solved for again at the
+        event, and a force that was just above its limit may then be below it.
         """
+        if len(at.z):
+            return STILL * noise
         beside = [(t * (1.0 - up), replace(at, x=at.x * (1.0 + up * self._signs(at)))) for up in _ROUNDINGS]
         try:
             found = np.array([self.distances(there, self.solved(there, moment)) for there, moment in beside])

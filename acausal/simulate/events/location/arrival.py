@@ -73,7 +73,7 @@ def polished(
     `end`: The last instant that is possible [s].
     """
     problem, n = at.regime.problem, at.regime.problem.n_dynamic
-    if not n:
+    if not n or len(at.z):
         return t, at
     before = at
     try:
