@@ -29,9 +29,7 @@ from acausal.language.statement import Statement, made
 Shape = tuple[int, ...]
 
 RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
-CONDITIONS = frozenset(
-    (*RELATIONS, "equals", "and", "or", "not", "sample", "edge", "change", "initial", "after_reset", "terminal")
-)
+CONDITIONS = frozenset((*RELATIONS, *"equals and or not sample edge change initial after_reset terminal".split()))
 """Operators whose value is always true or false; see `is_condition`."""
 _INFIX = {
     "add": "+",

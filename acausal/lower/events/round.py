@@ -185,10 +185,8 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     for k in range(len(events.memories)):
         memories_settled = ca.logic_and(memories_settled, next_memories[k] == s.m[first + k])
         m[first + k] = ca.if_else(proceeding, next_memories[k], s.m[first + k])
-    nodes = compiled.solution.structure.reduced.pool.nodes
     reset = _any(applied[a] for a, (_, position) in enumerate(actions) if a in hits or position < compiled.n_dynamic)
-    for k in (k for k, n in enumerate(events.flags) if nodes[n][0] == "after_reset"):
-        flag = first + len(events.memories) + k
+    for flag in _reset_flags(compiled):
         memories_settled = ca.logic_and(memories_settled, reset == s.m[flag])
         m[flag] = ca.if_else(proceeding, reset, s.m[flag])
     result = Round(
@@ -210,6 +208,13 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     return ca.Function(
         "event_round", [*s.inputs, was, decided, level], outputs, _NAMES_IN, [f"{name}_after" for name in Round._fields]
     )
+
+
+def _reset_flags(compiled: Lowered) -> list[int]:
+    """The modes that say whether states were reset in the round before."""
+    events, nodes = compiled.state_events, compiled.solution.structure.reduced.pool.nodes
+    first = compiled.n_timely + len(events.samples) + len(events.memories)
+    return [first + k for k, n in enumerate(events.flags) if nodes[n][0] == "after_reset"]
 
 
 def _any(conditions: Iterable[Any]) -> Any:
