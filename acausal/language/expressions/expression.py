@@ -28,8 +28,8 @@ from acausal.language.statement import Statement, made
 
 Shape = tuple[int, ...]
 
-RELATIONS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}
-CONDITIONS = frozenset((*RELATIONS, *"equals and or not sample edge change initial after_reset terminal".split()))
+RELATIONS, _FLAGS = {"lt": "<", "le": "<=", "gt": ">", "ge": ">="}, ("initial", "after_reset", "terminal")
+CONDITIONS = frozenset((*RELATIONS, "equals", "and", "or", "not", "sample", "edge", "change", *_FLAGS))
 """Operators whose value is always true or false; see `is_condition`."""
 _INFIX = {
     "add": "+",
