@@ -15,6 +15,7 @@ from acausal.lower.events.functions import AT_REST as AT_REST
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.record.algebraic import corrected
 from acausal.simulate.solvers.segment import Tolerances
 
 # Instants coincide if they are closer than this fraction of the run, or of the time: a hundred rounding errors of it.
@@ -204,7 +205,10 @@ class Guards:
         error, found = self._errors(at)[0], np.full((len(passed), len(g)), 0.0)
         signs = np.ones(len(at.x)), self._signs(at)
         for shift in (n * _SHIFT * error * s for n in range(1, _SHIFTS + 1) for s in signs):
-            moved = self.distances(t, replace(at, x=at.x + shift)) - g
+            try:
+                moved = self.distances(t, self.solved(t, replace(at, x=at.x + shift))) - g
+            except RuntimeError:
+                return np.full(len(g), np.inf)
             since = moved[passed] / rate[passed]  # how much earlier these are passed
             found = np.maximum(found, np.abs(moved - since[:, None] * rate))
         off = ((np.abs(g) + _MARGIN * located)[passed] / np.abs(rate[passed]))[:, None] * np.abs(rate)
@@ -217,14 +221,22 @@ class Guards:
     def located(self, t: float, at: Moment, noise: Vector) -> Vector:
         """How close to zero guards of this noise can be located; shape (guards,).
 
-        As far as rounding errors permit, but for models with algebraic variables: these are solved for again at the
-        event, and a force that was just above its limit may then be below it.
+        As far as rounding errors permit; not if the algebraic variables cannot be solved for.
         """
-        if len(at.z):
-            return STILL * noise
         beside = [(t * (1.0 - up), replace(at, x=at.x * (1.0 + up * self._signs(at)))) for up in _ROUNDINGS]
-        found = np.array([self.distances(there, moment) for there, moment in beside])
+        try:
+            found = np.array([self.distances(there, self.solved(there, moment)) for there, moment in beside])
+        except RuntimeError:
+            return STILL * noise
         return np.asarray(np.minimum(np.fmax(LOCATED * noise, np.ptp(found, axis=0)), STILL * noise))
+
+    def solved(self, t: float, at: Moment) -> Moment:
+        """The same with algebraic variables that satisfy their equations; RuntimeError if Newton's method fails."""
+        if not len(at.z):
+            return at
+        p = at.regime.problem
+        z = corrected(p.compiled, np.array([t]), at.x[:, None], at.z[:, None], p.u, p.p, at.m, self.tolerances)
+        return replace(at, z=z[:, 0])
 
     def steady(self, t: float, at: Moment, noise: Vector) -> Vector:
         """The noise of guards, where it is as large beside this point, within the errors of states; shape (guards,).

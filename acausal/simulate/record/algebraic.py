@@ -9,13 +9,17 @@ satisfy the equations.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from acausal.arrays import Vector
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.function_cache import functions_of
-from acausal.simulate.solvers.segment import Tolerances
+
+if TYPE_CHECKING:
+    from acausal.simulate.solvers.segment import Tolerances
 
 _MOST_ITERATIONS = 8
 # After a Newton step of this size, the error is of the order of its square.

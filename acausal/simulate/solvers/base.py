@@ -123,12 +123,8 @@ class CasadiSolver:
             x, scaled_z = x[:, :count], scaled_z[:count]
             segment = replace(segment, times=segment.times[:count])
         x = _all_states(problem, segment, x)
-        if self.algebraic:
-            z = scaled_z.T * problem.scale_z[:, None]
-            z = on_equations(problem, segment, x, z)
-        else:
-            z = problem.solve_algebraic(segment, x)
-        return Piece(x, z, counted(stats), stopped)
+        z = scaled_z.T * problem.scale_z[:, None] if self.algebraic else problem.solve_algebraic(segment, x)
+        return Piece(x, on_equations(problem, segment, x, z), counted(stats), stopped)
 
     def _solved(self, problem: Problem, segment: Segment) -> tuple[Vector, Vector, dict[str, Any]]:
         """Return scaled states, shape (n, nx), algebraic variables, (n, nz), at the output times, and statistics."""

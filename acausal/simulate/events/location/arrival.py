@@ -73,17 +73,25 @@ def polished(
     `end`: The last instant that is possible [s].
     """
     problem, n = at.regime.problem, at.regime.problem.n_dynamic
-    _, rates, noise = guards.state(t, at)
-    slope, located = float(rates[guard]), float(guards.located(t, at, noise)[guard])
-    if not n or located >= STILL * noise[guard] or abs(value) <= located or slope >= 0.0:
+    if not n:
         return t, at
-    later = t - value / slope
-    if later == t or not segment.start < later <= end:
-        return t, at
-    x, numbers = at.x.copy(), problem.vector(at.m, at.x, t)
-    state_rates = problem.scaled.buffered(0.0, at.x[:n] / problem.scale_x, at.z, numbers, [])[0]
-    x[:n] += (later - t) * np.asarray(state_rates).ravel() * problem.scale_x
-    after = replace(at, x=x)
+    before = at
+    try:
+        at = guards.solved(t, at)
+        value += float(guards.distances(t, at)[guard] - guards.distances(t, before)[guard])
+        _, rates, noise = guards.state(t, at)
+        slope, located = float(rates[guard]), float(guards.located(t, at, noise)[guard])
+        if located >= STILL * noise[guard] or abs(value) <= located or slope >= 0.0:
+            return t, at
+        later = t - value / slope
+        if later == t or not segment.start < later <= end:
+            return t, at
+        x, numbers = at.x.copy(), problem.vector(at.m, at.x, t)
+        state_rates = problem.scaled.buffered(0.0, at.x[:n] / problem.scale_x, at.z / problem.scale_z, numbers, [])[0]
+        x[:n] += (later - t) * np.asarray(state_rates).ravel() * problem.scale_x
+        after = guards.solved(later, replace(at, x=x))
+    except RuntimeError:  # no solution of the algebraic equations
+        return t, before
     distances, new_rates, _ = guards.state(later, after)
     missed = value + float(distances[guard] - guards.distances(t, at)[guard])
     closer = abs(missed) < abs(value) and abs(new_rates[guard] - slope) < 0.5 * abs(slope)
