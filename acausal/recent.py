@@ -1,13 +1,35 @@
-"""A cache of the most recently used values."""
+"""Caches: the most recently used values, and values that are kept as long as their owner."""
 
 from __future__ import annotations
 
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import Generic, TypeVar
+from functools import wraps
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
+from weakref import WeakKeyDictionary
 
+Owner = TypeVar("Owner")
+P = ParamSpec("P")
 V = TypeVar("V")
+
+
+def once_per_owner(function: Callable[Concatenate[Owner, P], V]) -> Callable[Concatenate[Owner, P], V]:
+    """The function, called once for each first argument, mostly a compiled model, and hashable further arguments.
+
+    Owners are told apart by identity (or their `__eq__`), and not kept alive as long as no value refers to its owner.
+    """
+    known: WeakKeyDictionary[Any, dict[tuple[Any, ...], V]] = WeakKeyDictionary()
+
+    @wraps(function)
+    def cached(owner: Owner, /, *args: P.args, **kwargs: P.kwargs) -> V:
+        values = known.setdefault(owner, {})
+        key = *args, *kwargs.items()
+        if key not in values:
+            values[key] = function(owner, *args, **kwargs)
+        return values[key]
+
+    return cached
 
 
 class Recent(Generic[V]):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -14,13 +13,13 @@ from acausal.errors import DeclarationError, Span
 from acausal.language.expressions.expression import Shape, shape_text
 from acausal.language.expressions.external import External
 from acausal.language.expressions.lookup import Lookup
-
-_FUNCTIONS: WeakKeyDictionary[External, Any] = WeakKeyDictionary()
+from acausal.recent import once_per_owner
 
 # Classes of CasADi functions that are expressions and numbers.
 _SELF_CONTAINED = frozenset(("SXFunction", "MXFunction", "Map", "Switch", "LinearInterpolant", "BSplineInterpolant"))
 
 
+@once_per_owner
 def function(external: External) -> Any:
     """The CasADi Function of an external function, or of its partial derivatives.
 
@@ -29,14 +28,9 @@ def function(external: External) -> Any:
     DeclarationError
         AC163 when the factory raises, or does not return a function with the declared inputs and outputs.
     """
-    if external not in _FUNCTIONS:
-        if isinstance(external, Lookup):
-            _FUNCTIONS[external] = _make_lookup(external)
-        else:
-            _FUNCTIONS[external] = (
-                _make_jacobian(external.primal) if external.primal is not None else _make_declared(external)
-            )
-    return _FUNCTIONS[external]
+    if isinstance(external, Lookup):
+        return _make_lookup(external)
+    return _make_declared(external) if external.primal is None else _make_jacobian(external.primal)
 
 
 def is_self_contained(function: Any) -> bool:

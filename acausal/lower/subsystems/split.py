@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
-from weakref import WeakKeyDictionary, ref
+from weakref import ref
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.functions import EventFunctions
 from acausal.lower.subsystems.extract import Extract, extract
 from acausal.lower.subsystems.partition import Group, groups, may_be_split
+from acausal.recent import once_per_owner
 
 FEWEST = 4
 """Least number of systems with located events with which splitting pays."""
@@ -55,20 +56,14 @@ class Subsystem:
         return np.concatenate([p[self.parameters], u[self.inputs], self.numbers])
 
 
-_CACHE: WeakKeyDictionary[CompiledModel, tuple[Subsystem, ...]] = WeakKeyDictionary()
-
-
+@once_per_owner
 def subsystems(compiled: CompiledModel) -> tuple[Subsystem, ...]:
     """Independent systems of a model, cached; empty if it is one system, or cannot be split.
 
     States that belong to none of them never change.
     """
-    if compiled not in _CACHE:
-        _CACHE[compiled] = _split(compiled) if compiled.state_events and may_be_split(compiled) else ()
-    return _CACHE[compiled]
-
-
-def _split(compiled: CompiledModel) -> tuple[Subsystem, ...]:
+    if not (compiled.state_events and may_be_split(compiled)):
+        return ()
     candidates = [g for g in groups(compiled) if not _is_constant(compiled, g)]
     # Only systems with dynamic states and relations benefit from steps of their own.
     if sum(bool(g.relations) and g.states[0] < compiled.n_dynamic for g in candidates) < FEWEST:

@@ -21,6 +21,7 @@ from acausal.language.declarations.declaration import Declaration
 from acausal.lower.cache.cache import replaced
 from acausal.lower.compile import lower
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 
 _Values = tuple[tuple[int, float], ...]
 _MOST_VARIANTS = 4
@@ -128,15 +129,12 @@ def _unknown(compiled: CompiledModel, path: str, variables: Mapping[str, object]
     )
 
 
-_DRIVEN_CACHE: WeakKeyDictionary[CompiledModel, dict[tuple[int, ...], CompiledModel]] = WeakKeyDictionary()
-
-
 def with_driven(compiled: CompiledModel, places: tuple[int, ...]) -> CompiledModel:
     """The model whose inputs at these indices of u are functions of time; cached by model and indices."""
-    if not places:
-        return compiled
-    variants = _DRIVEN_CACHE.setdefault(compiled, {})
-    if places not in variants:
-        lowered = lower(compiled.solution, places)
-        variants[places] = replace(lowered, selection=compiled.selection, timings=dict(compiled.timings))
-    return variants[places]
+    return _driven(compiled, places) if places else compiled
+
+
+@once_per_owner
+def _driven(compiled: CompiledModel, places: tuple[int, ...]) -> CompiledModel:
+    lowered = lower(compiled.solution, places)
+    return replace(lowered, selection=compiled.selection, timings=dict(compiled.timings))

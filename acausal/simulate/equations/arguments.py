@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -17,6 +16,7 @@ from acausal.analyse.events.steep import Base, Kind
 from acausal.arrays import Vector
 from acausal.lower.build import BUILD, Symbols
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.equations.levels import Levels
 
@@ -147,18 +147,13 @@ def _plus(change: Any, op: str, operands: list[Any]) -> Any:
     return BUILD[op](*operands) + change
 
 
-_MADE: WeakKeyDictionary[CompiledModel, Arguments | None] = WeakKeyDictionary()
-
-
 def arguments(compiled: CompiledModel) -> Arguments | None:
     """The arguments of the steep functions of a model; None if no rate depends on such a function."""
-    compiled = compiled.common
-    if compiled not in _MADE:
-        _MADE[compiled] = _made(compiled)
-    return _MADE[compiled]
+    return _arguments(compiled.common)
 
 
-def _made(compiled: CompiledModel) -> Arguments | None:
+@once_per_owner
+def _arguments(compiled: CompiledModel) -> Arguments | None:
     narrow_functions = compiled.narrow
     if not narrow_functions.arguments:
         return None

@@ -16,7 +16,6 @@ integer the value of any expression, which is only known in the run.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,7 @@ from acausal.errors import EventError, UsageError
 from acausal.flatten.flat import FlatAssignment, FlatWhen, suffixes
 from acausal.flatten.reduced import nominal
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Tolerances
@@ -161,36 +161,22 @@ def _sides(
     return before, following
 
 
-# Shared by all runs of a model, as it takes a second if there are hundreds of relations.
-_DEPENDENTS: WeakKeyDictionary[CompiledModel, dict[bool, list[tuple[int, str, float]]]] = WeakKeyDictionary()
-
-
+@once_per_owner  # it takes a second if there are hundreds of relations
 def _dependents(compiled: CompiledModel, prescribed: bool = False) -> list[tuple[int, str, float]]:
     """Differentiated variables that depend on modes: column of the trajectories, name, nominal magnitude."""
-    cached = _DEPENDENTS.setdefault(compiled, {})
-    if prescribed not in cached:
-        reduced = compiled.solution.structure.reduced
-        switched = switched_dependents(compiled.solution, prescribed)
-        columns = {node: k for k, node in enumerate(compiled.columns)} if switched else {}
-        nodes = ((v, reduced.pool.var(v)) for v in switched)
-        cached[prescribed] = [(columns[n], reduced.name(v), nominal(reduced, v)) for v, n in nodes if n in columns]
-    return cached[prescribed]
+    reduced = compiled.solution.structure.reduced
+    switched = switched_dependents(compiled.solution, prescribed)
+    columns = {node: k for k, node in enumerate(compiled.columns)} if switched else {}
+    nodes = ((v, reduced.pool.var(v)) for v in switched)
+    return [(columns[n], reduced.name(v), nominal(reduced, v)) for v, n in nodes if n in columns]
 
 
-_INTEGERS: WeakKeyDictionary[CompiledModel, list[int]] = WeakKeyDictionary()
-
-
+@once_per_owner
 def integers(compiled: CompiledModel) -> list[int]:
     """Indices of the integers among the states."""
-    if compiled not in _INTEGERS:
-        names = {
-            v.path + suffix
-            for v in compiled.flat.variables
-            if v.declaration.integer
-            for suffix in suffixes(v.declaration.shape)
-        }
-        _INTEGERS[compiled] = [k for k, name in enumerate(compiled.states) if name in names] if names else []
-    return _INTEGERS[compiled]
+    whole = [v for v in compiled.flat.variables if v.declaration.integer]
+    names = {v.path + suffix for v in whole for suffix in suffixes(v.declaration.shape)}
+    return [k for k, name in enumerate(compiled.states) if name in names] if names else []
 
 
 def refuse_fractions(recorder: Recorder) -> None:

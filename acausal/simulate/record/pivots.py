@@ -8,7 +8,6 @@ over it. The equations are then solved again with points of the run among the sa
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -19,6 +18,7 @@ from acausal.lower.build import Symbols
 from acausal.lower.compile import refined
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.samples import Visited
+from acausal.recent import once_per_owner
 
 if TYPE_CHECKING:
     from acausal.simulate.record.record import Recorder
@@ -35,8 +35,6 @@ _AHEAD_FRACTIONS = (
     1e-2,
     5e-2,
 )  # points examined after a failure, relative to the time since the start
-# The function of the pivots of each model; None if it has none.
-_PIVOTS: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
 
 
 def may_lose_pivots(compiled: CompiledModel) -> bool:
@@ -68,21 +66,22 @@ def _lost(recorder: Recorder, stopped: Segment | None) -> tuple[Rows, Vector]:
     return rows, values[[k for k in range(len(values)) if not keeps_sign(values[k])]]
 
 
+@once_per_owner
 def _pivots(compiled: CompiledModel) -> Any:
-    """`(t, x, z, u, p, m) -> pivots`: divisors that vary, and by which the equations as stated do not divide."""
-    if compiled not in _PIVOTS:
-        solution = compiled.solution
-        pool = solution.structure.reduced.pool
-        stated = _divisors(pool, solution.structure.reduced.residuals)
-        definitions = [d for d in solution.definitions if d[0] in solution.needed]
-        taken = _divisors(pool, [*(n for _, n in definitions), *solution.residuals])
-        nodes = sorted(n for n in taken - stated if pool.variables_in(n))
-        s = Symbols(compiled)
-        builder = s.builder(compiled)
-        builder.define(definitions, compiled.rewritten)
-        column = ca.vertcat(*builder.lower(builder.replaced(nodes))) if nodes else None
-        _PIVOTS[compiled] = None if column is None else ca.Function("pivots", s.inputs, [ca.densify(column)])
-    return _PIVOTS[compiled]
+    """`(t, x, z, u, p, m) -> pivots`: divisors that vary, and not those of the stated equations; or None."""
+    solution = compiled.solution
+    pool = solution.structure.reduced.pool
+    stated = _divisors(pool, solution.structure.reduced.residuals)
+    definitions = [d for d in solution.definitions if d[0] in solution.needed]
+    taken = _divisors(pool, [*(n for _, n in definitions), *solution.residuals])
+    nodes = sorted(n for n in taken - stated if pool.variables_in(n))
+    if not nodes:
+        return None
+    s = Symbols(compiled)
+    builder = s.builder(compiled)
+    builder.define(definitions, compiled.rewritten)
+    column = ca.vertcat(*builder.lower(builder.replaced(nodes)))
+    return ca.Function("pivots", s.inputs, [ca.densify(column)])
 
 
 def _divisors(pool: Any, roots: Any) -> set[int]:

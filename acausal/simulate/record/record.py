@@ -9,7 +9,6 @@ from dataclasses import replace
 from functools import cached_property
 from types import EllipsisType
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from acausal.flatten.flat import FlatParameter, suffixes
 from acausal.language.declarations.declaration import Declaration
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.evaluate import values
+from acausal.recent import once_per_owner
 from acausal.result.result import Event, Result, Signal
 from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.calls.columns import MOST_OPERATIONS
@@ -327,15 +327,10 @@ def signals(compiled: CompiledModel, p: Vector) -> dict[str, Signal]:
     return result
 
 
-# Signals are the same for every run of a compiled model; a sweep would create thousands of them again in each.
-_VARIABLES: WeakKeyDictionary[CompiledModel, _Variables] = WeakKeyDictionary()
-
-
+@once_per_owner
 def described(compiled: CompiledModel) -> _Variables:
-    """The signals of the variables of a model, created once."""
-    if compiled not in _VARIABLES:
-        _VARIABLES[compiled] = _Variables(compiled)
-    return _VARIABLES[compiled]
+    """The signals of the variables of a model, created once: a sweep would create thousands of them in each run."""
+    return _Variables(compiled)
 
 
 class _Variables(Mapping[str, Signal]):

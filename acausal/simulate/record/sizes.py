@@ -13,7 +13,6 @@ rate are estimated by perturbing all variables on which it depends.
 from __future__ import annotations
 
 import re
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 from acausal.diagnose.words import listed
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Tolerances
@@ -76,20 +76,20 @@ def unresolved(recorder: Recorder, p: Vector, u: Vector, tolerances: Tolerances)
     )
 
 
-# The same for all runs of a model.
-_VECTORS: WeakKeyDictionary[CompiledModel, NDArray[np.int64]] = WeakKeyDictionary()
-
-
 def _of_vectors(compiled: CompiledModel, largest: Vector) -> Vector:
     """For each state, the largest magnitude in its vector or list: a cell ahead of a front is accurate enough."""
-    if compiled not in _VECTORS:
-        numbers: dict[str, int] = {}
-        names = (_INDICES.sub("", name) for name in compiled.states)
-        _VECTORS[compiled] = np.array([numbers.setdefault(name, len(numbers)) for name in names], dtype=np.int64)
-    vectors = _VECTORS[compiled][: len(largest)]
+    vectors = _vectors(compiled)[: len(largest)]
     most = np.zeros(int(vectors.max()) + 1)
     np.maximum.at(most, vectors, largest)
     return np.asarray(most[vectors])
+
+
+@once_per_owner
+def _vectors(compiled: CompiledModel) -> NDArray[np.int64]:
+    """For each state, the number of its vector or list."""
+    numbers: dict[str, int] = {}
+    names = (_INDICES.sub("", name) for name in compiled.states)
+    return np.array([numbers.setdefault(name, len(numbers)) for name in names], dtype=np.int64)
 
 
 def _shown(recorder: Recorder, small: NDArray[np.intp], p: Vector, u: Vector, rows: Rows) -> NDArray[np.bool_]:

@@ -8,7 +8,6 @@ functions are known (`acausal.analyse.events.partial_relations`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from acausal.arrays import Vector
 from acausal.diagnose.words import listed
 from acausal.language.expressions.external import Call
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.record.record import Recorder
 
@@ -28,15 +28,10 @@ class _Suspects:
     distances: NarrowFunction
 
 
-_SUSPECTS: WeakKeyDictionary[CompiledModel, _Suspects | None] = WeakKeyDictionary()
-
-
 def undefined_relations(recorder: Recorder, p: Vector, u: Vector) -> tuple[str, ...]:
     """The note on relations that were nan in some row; empty if there are none."""
     compiled = recorder.compiled
-    if compiled not in _SUSPECTS:
-        _SUSPECTS[compiled] = _suspects(compiled)
-    suspects = _SUSPECTS[compiled]
+    suspects = _suspects(compiled)
     if suspects is None:
         return ()
     times, x, z, m = recorder.rows()
@@ -53,6 +48,7 @@ def undefined_relations(recorder: Recorder, p: Vector, u: Vector) -> tuple[str, 
     )
 
 
+@once_per_owner
 def _suspects(compiled: CompiledModel) -> _Suspects | None:
     """The relations that depend on an external function; None if there are none."""
     events, pool = compiled.state_events, compiled.solution.structure.reduced.pool

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.lowered import Recipe
-from acausal.recent import Recent
+from acausal.recent import Recent, once_per_owner
 from acausal.result.result import Result
 from acausal.result.signals import Signal
 
@@ -158,19 +157,7 @@ class Watch:
     @classmethod
     def of(cls, compiled: CompiledModel, names: Names) -> Watch:
         """The watch for runs of a compiled model, cached for later runs."""
-        watches = _MADE.setdefault(compiled, {})
-        key = tuple((path, *own) for path, own in names.items())
-        if key not in watches:
-            shapes = {v.path: v.declaration.shape for v in compiled.flat.variables}
-            found: dict[str, dict[str, tuple[tuple[int, ...], tuple[str, ...]]]] = {}
-            for path, own in names.items():
-                found[path] = {}
-                for name in own:
-                    whole = named(path, name)
-                    shape = shapes.get(whole, ())
-                    found[path][name] = shape, tuple(whole + suffix for suffix in suffixes(shape))
-            watches[key] = cls(found)
-        return watches[key]
+        return _watch(compiled, tuple((path, *own) for path, own in names.items()))
 
     def read(self, result: Result) -> dict[str, dict[str, Array]]:
         """Values by path and name, shape (n, *shape)."""
@@ -202,4 +189,15 @@ class Watch:
         return places, [signals[k].value for k, _ in places.others]
 
 
-_MADE: WeakKeyDictionary[CompiledModel, dict[tuple[tuple[str, ...], ...], Watch]] = WeakKeyDictionary()
+@once_per_owner
+def _watch(compiled: CompiledModel, paths: tuple[tuple[str, ...], ...]) -> Watch:
+    """The watch for signals of these components; each path is followed by names within it."""
+    shapes = {v.path: v.declaration.shape for v in compiled.flat.variables}
+    found: dict[str, dict[str, tuple[tuple[int, ...], tuple[str, ...]]]] = {}
+    for path, *own in paths:
+        found[path] = {}
+        for name in own:
+            whole = named(path, name)
+            shape = shapes.get(whole, ())
+            found[path][name] = shape, tuple(whole + suffix for suffix in suffixes(shape))
+    return Watch(found)

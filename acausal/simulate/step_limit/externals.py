@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 
@@ -11,6 +10,7 @@ from acausal.language.expressions.external import Call, External
 from acausal.language.expressions.lookup import Lookup
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.external import function as casadi_function
+from acausal.recent import once_per_owner
 
 _NOTE = (
     "a change inside of {} that is over within one step is missed, as kinks and steep parts of external functions are "
@@ -19,26 +19,24 @@ _NOTE = (
 # CasADi's names of operations.
 _BRANCH_OPERATIONS = "FABS SIGN FMIN FMAX FLOOR CEIL FMOD COPYSIGN LT LE EQ NE NOT AND OR IF_ELSE_ZERO"
 _STEEP_OPERATIONS = "EXP EXPM1 POW TANH SINH COSH ATAN ATAN2 ERF"
-_NOTES: WeakKeyDictionary[CompiledModel, str] = WeakKeyDictionary()
 
 
+@once_per_owner
 def note_on_externals(compiled: CompiledModel) -> str:
     """The note of a run without `max_step` on external functions that contain kinks, jumps or steep parts; or "".
 
     Kinks and steep functions in equations are located. Those inside of an external function are only noticed if a step
     evaluates it there. A function that declares its jumps states itself what is to be located.
     """
-    if compiled not in _NOTES:
-        pool = compiled.solution.structure.reduced.pool
-        moving = {
-            # derivatives jump where the function has a kink, so the function itself is examined
-            op.external.primal or op.external
-            for op, *arguments in pool.nodes
-            if isinstance(op, Call) and any(map(pool.varies, arguments))
-        }
-        names = sorted({f.name for f in moving if not isinstance(f, Lookup) and not f.jumps and _may_be_missed(f)})
-        _NOTES[compiled] = _NOTE.format(", ".join(names)) if names else ""
-    return _NOTES[compiled]
+    pool = compiled.solution.structure.reduced.pool
+    moving = {
+        # derivatives jump where the function has a kink, so the function itself is examined
+        op.external.primal or op.external
+        for op, *arguments in pool.nodes
+        if isinstance(op, Call) and any(map(pool.varies, arguments))
+    }
+    names = sorted({f.name for f in moving if not isinstance(f, Lookup) and not f.jumps and _may_be_missed(f)})
+    return _NOTE.format(", ".join(names)) if names else ""
 
 
 @lru_cache(maxsize=256)

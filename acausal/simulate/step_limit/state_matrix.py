@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -13,6 +11,7 @@ import numpy as np
 from acausal.arrays import Complex, Vector
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 from acausal.simulate.equations.calls.buffered import rows
 
 LARGEST_DENSE = 400
@@ -43,21 +42,8 @@ class StateMatrix:
         """Names of these states."""
         return self.compiled.states[: self.size]
 
-    @cached_property
-    def _derivatives(self) -> Any:
-        if self.compiled not in _DERIVATIVES:
-            s = Symbols(self.compiled)
-            ode, alg = self.compiled.rhs(*s.inputs)
-            n = self.size
-            along = ca.vertcat(s.t, s.x)
-            parts = [ca.jacobian(f, v) for f in (ode[:n], alg) for v in (s.x[:n], s.z)]
-            speed = ca.vertcat(1, ode)
-            rates = [ca.densify(ode[:n]), *(ca.densify(ca.jtimes(f, along, speed)) for f in (ode[:n], alg))]
-            _DERIVATIVES[self.compiled] = ca.Function("derivatives", s.inputs, [*parts, *rates])
-        return _DERIVATIVES[self.compiled]
-
     def _at(self, t: float, x: Vector, z: Vector, m: Vector) -> list[Any]:
-        return list(self._derivatives(t, x, z, self.u, self.p, m))
+        return list(_derivatives(self.compiled)(t, x, z, self.u, self.p, m))
 
     def at(self, t: float, x: Vector, z: Vector, m: Vector) -> Vector | None:
         """The matrix [1/s], shape (n, n); None where algebraic variables are not determined, or entries not finite."""
@@ -71,17 +57,7 @@ class StateMatrix:
     @property
     def inert(self) -> bool:
         """Whether the structure makes all eigenvalues zero: states integrate other states, without a loop."""
-        if self.compiled not in _INERT:
-            fx, fz, gx, _, *_ = (self._derivatives.sparsity_out(k) for k in range(4))
-            dependence = fx
-            if len(self.compiled.algebraic):
-                rows = sorted(set(fz.row()))
-                columns = [c for c in range(gx.size2()) if gx.colind()[c + 1] > gx.colind()[c]]
-                dependence = fx + ca.Sparsity.rowcol(rows, columns, self.size, self.size)
-            loops, *_ = dependence.scc() if dependence.nnz() else (0, [], [])
-            diagonal = dependence.get_diag()[0].nnz() if dependence.nnz() else 0
-            _INERT[self.compiled] = dependence.nnz() == 0 or (diagonal == 0 and loops == self.size)
-        return _INERT[self.compiled]
+        return _is_inert(self.compiled)
 
     def spectra(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Complex:
         """Eigenvalues [1/s] at many points, the columns of x, z and m; shape (points, size), nan where `at` is None.
@@ -89,7 +65,7 @@ class StateMatrix:
         For small systems this is one call of compiled loops for all points.
         """
         n, nz = self.size, len(self.compiled.algebraic)
-        flat = rows(self._packed, (times[:, None], x.T, z.T, self.u, self.p, m.T))
+        flat = rows(_packed(self.compiled), (times[:, None], x.T, z.T, self.u, self.p, m.T))
         ends = np.cumsum([n * n, n * nz, nz * n])
         fx, fz, gx, gz = (
             part.reshape(len(times), columns, count).transpose(0, 2, 1)
@@ -106,16 +82,6 @@ class StateMatrix:
         valid = valid & np.isfinite(fx).all(axis=(1, 2))
         eigenvalues[valid] = np.linalg.eigvals(fx[valid])
         return eigenvalues
-
-    @property
-    def _packed(self) -> Any:
-        """All four parts as one dense column, for calls on NumPy memory."""
-        if self.compiled not in _PACKED:
-            s = Symbols(self.compiled)
-            parts = self._derivatives(*s.inputs)[:4]
-            column = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
-            _PACKED[self.compiled] = ca.Function("packed", s.inputs, [column])
-        return _PACKED[self.compiled]
 
     def regularity(self, t: float, x: Vector, z: Vector, m: Vector) -> tuple[float, float]:
         """How well the algebraic variables are determined: reciprocal condition number, and sign of the determinant.
@@ -177,7 +143,37 @@ class StateMatrix:
             return np.asarray(converged, dtype=complex) if converged is not None and len(converged) else None
 
 
-# Functions for each model; they do not depend on the run, and building them takes milliseconds.
-_DERIVATIVES: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
-_PACKED: WeakKeyDictionary[CompiledModel, Any] = WeakKeyDictionary()
-_INERT: WeakKeyDictionary[CompiledModel, bool] = WeakKeyDictionary()
+@once_per_owner
+def _derivatives(compiled: CompiledModel) -> Any:
+    """`(t, x, z, u, p, m) -> (fx, fz, gx, gz, rates, their derivative along the solution, that of the residuals)`."""
+    s = Symbols(compiled)
+    ode, alg = compiled.rhs(*s.inputs)
+    n = compiled.n_dynamic
+    along = ca.vertcat(s.t, s.x)
+    parts = [ca.jacobian(f, v) for f in (ode[:n], alg) for v in (s.x[:n], s.z)]
+    speed = ca.vertcat(1, ode)
+    rates = [ca.densify(ode[:n]), *(ca.densify(ca.jtimes(f, along, speed)) for f in (ode[:n], alg))]
+    return ca.Function("derivatives", s.inputs, [*parts, *rates])
+
+
+@once_per_owner
+def _packed(compiled: CompiledModel) -> Any:
+    """The first four of `_derivatives` as one dense column, for calls on NumPy memory."""
+    s = Symbols(compiled)
+    parts = _derivatives(compiled)(*s.inputs)[:4]
+    return ca.Function("packed", s.inputs, [ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))])
+
+
+@once_per_owner
+def _is_inert(compiled: CompiledModel) -> bool:
+    """See `StateMatrix.inert`."""
+    n = compiled.n_dynamic
+    fx, fz, gx, _, *_ = (_derivatives(compiled).sparsity_out(k) for k in range(4))
+    dependence = fx
+    if len(compiled.algebraic):
+        rows = sorted(set(fz.row()))
+        columns = [c for c in range(gx.size2()) if gx.colind()[c + 1] > gx.colind()[c]]
+        dependence = fx + ca.Sparsity.rowcol(rows, columns, n, n)
+    loops, *_ = dependence.scc() if dependence.nnz() else (0, [], [])
+    diagonal = dependence.get_diag()[0].nnz() if dependence.nnz() else 0
+    return bool(dependence.nnz() == 0 or (diagonal == 0 and loops == n))

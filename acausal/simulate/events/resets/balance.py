@@ -15,7 +15,6 @@ equations contain the derivative, nothing is computed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -23,13 +22,13 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 
 _Point = tuple[float, Vector, Vector, Vector, Vector, Vector]
 # Relative limits for responses that count as zero, and for factors that count as equal.
 _ROUNDING, _SAME = 1e-8, 1e-6
 # Relative displacements of the states for other points.
 _ELSEWHERE = (0.07, -0.11)
-_CACHE: WeakKeyDictionary[CompiledModel, _Balance] = WeakKeyDictionary()
 
 
 def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, at: _Point) -> Vector | None:
@@ -41,9 +40,7 @@ def directions(compiled: CompiledModel, resets: Sequence[int], slopes: Vector, a
     `slopes`: Derivatives of the stabilised constraints by the states, shape (constraints, nx).
     `at`: Time, x, z, u, p and m.
     """
-    balance = _CACHE.get(compiled)
-    if balance is None:
-        balance = _CACHE[compiled] = _Balance(compiled)
+    balance = _balance(compiled)
     found = balance.response(resets, at)
     if found is None:
         return None
@@ -96,6 +93,11 @@ def reciprocity(response: Vector) -> Vector | None:
     size = np.sqrt(np.outer(np.abs(factor), np.abs(factor)))
     holds = (factor > 0.0).all() and (np.abs(balanced - balanced.T) <= _SAME * size).all()
     return factor * diagonal[first] / diagonal if holds else None
+
+
+@once_per_owner
+def _balance(compiled: CompiledModel) -> _Balance:
+    return _Balance(compiled)
 
 
 class _Balance:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -28,6 +27,7 @@ from acausal.diagnose.words import listed
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.nonlinear_blocks import nonlinear_blocks
+from acausal.recent import once_per_owner
 from acausal.result.result import Result
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
@@ -134,32 +134,29 @@ class _Blocks:
         return signs, sizes
 
 
-# None for models whose equations have one solution.
-_KNOWN: WeakKeyDictionary[CompiledModel, _Blocks | None] = WeakKeyDictionary()
-
-
+@once_per_owner
 def _blocks(compiled: CompiledModel) -> _Blocks | None:
-    compiled = compiled.common
-    if compiled not in _KNOWN:
-        s = Symbols(compiled)
-        ode, alg = compiled.rhs(*s.inputs)
-        slope = ca.jacobian(alg, s.z)
-        blocks, entries = [], []
-        for equations, unknowns in nonlinear_blocks(slope, s.z):
-            pattern, places = slope.sparsity().sub(equations, unknowns, False)
-            blocks.append(_Block(*(np.array(v, dtype=np.intp) for v in (unknowns, *pattern.get_triplet()))))
-            entries += places
-        scaled = (slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[entries]
-        function = BufferedFunction(ca.Function("slopes", s.inputs, [scaled]))
-        modes = sorted(set(ca.jacobian_sparsity(ca.vertcat(ode, alg), s.m).get_col()))
-        _KNOWN[compiled] = _Blocks(tuple(blocks), function, modes) if entries else None
-    return _KNOWN[compiled]
+    """The blocks of a model that owns its functions (`common`); None if its equations have one solution."""
+    s = Symbols(compiled)
+    ode, alg = compiled.rhs(*s.inputs)
+    slope = ca.jacobian(alg, s.z)
+    blocks, entries = [], []
+    for equations, unknowns in nonlinear_blocks(slope, s.z):
+        pattern, places = slope.sparsity().sub(equations, unknowns, False)
+        blocks.append(_Block(*(np.array(v, dtype=np.intp) for v in (unknowns, *pattern.get_triplet()))))
+        entries += places
+    if not entries:
+        return None
+    scaled = (slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[entries]
+    function = BufferedFunction(ca.Function("slopes", s.inputs, [scaled]))
+    modes = sorted(set(ca.jacobian_sparsity(ca.vertcat(ode, alg), s.m).get_col()))
+    return _Blocks(tuple(blocks), function, modes)
 
 
 def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
     """Additional instants [s] that a run with few rows needs for this search and that of closed loops; mostly none."""
     several = bool(compiled.solution.structure.invariants) or (
-        bool(compiled.algebraic) and _blocks(compiled) is not None
+        bool(compiled.algebraic) and _blocks(compiled.common) is not None
     )
     if not several or options.span >= _LEAST * options.output_interval:
         return np.zeros(0)
@@ -180,7 +177,7 @@ def crossed_branches(
     then wrong although all rows satisfy the equations.
     """
     compiled, found, left_out = problem.compiled, meeting_at_kinks(problem, recorder), None
-    blocks = _blocks(compiled) if compiled.algebraic and recorder.count >= 4 else None
+    blocks = _blocks(compiled.common) if compiled.algebraic and recorder.count >= 4 else None
     if blocks is not None:
         whole = _distinct(recorder, blocks.modes)
         steps = recorder.counters.get("steps", len(whole[0]))

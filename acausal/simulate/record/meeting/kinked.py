@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
+from acausal.recent import once_per_owner
 from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.record import Recorder
@@ -37,29 +37,26 @@ class _Kinks:
     slopes: Any  # Jacobians of distances and equations by states and unknowns, in nominal magnitudes
 
 
-# None for models without such kinks.
-_KNOWN: WeakKeyDictionary[CompiledModel, _Kinks | None] = WeakKeyDictionary()
-
-
+@once_per_owner
 def _kinks(compiled: CompiledModel) -> _Kinks | None:
-    compiled = compiled.common
-    if compiled not in _KNOWN:
-        s, count = Symbols(compiled), len(compiled.state_events.relations)
-        alg, known = compiled.rhs(*s.inputs)[1], ca.vertcat(s.x, s.z)
-        distances = compiled.events.distances(*s.inputs)
-        moved = set(ca.jacobian_sparsity(distances, s.z).row())
-        modes = {j - compiled.n_modes + count for j in ca.jacobian_sparsity(alg, s.m).get_col()}
-        own = [k for k in sorted(moved) if k in modes or compiled.events.ties[k] < 0]
-        scale = ca.diag(ca.DM(np.concatenate([compiled.nominal_x, compiled.nominal_z])))
-        both = [ca.densify(ca.jacobian(v, known) @ scale) for v in (distances[own], alg)]
-        here = BufferedFunction(ca.Function("distances", s.inputs, [ca.densify(distances[own])]))
-        _KNOWN[compiled] = _Kinks(tuple(own), here, ca.Function("slopes", s.inputs, both)) if own else None
-    return _KNOWN[compiled]
+    """The kinks of a model that owns its functions (`common`); None if it has none."""
+    s, count = Symbols(compiled), len(compiled.state_events.relations)
+    alg, known = compiled.rhs(*s.inputs)[1], ca.vertcat(s.x, s.z)
+    distances = compiled.events.distances(*s.inputs)
+    moved = set(ca.jacobian_sparsity(distances, s.z).row())
+    modes = {j - compiled.n_modes + count for j in ca.jacobian_sparsity(alg, s.m).get_col()}
+    own = [k for k in sorted(moved) if k in modes or compiled.events.ties[k] < 0]
+    if not own:
+        return None
+    scale = ca.diag(ca.DM(np.concatenate([compiled.nominal_x, compiled.nominal_z])))
+    both = [ca.densify(ca.jacobian(v, known) @ scale) for v in (distances[own], alg)]
+    here = BufferedFunction(ca.Function("distances", s.inputs, [ca.densify(distances[own])]))
+    return _Kinks(tuple(own), here, ca.Function("slopes", s.inputs, both))
 
 
 def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, tuple[int, ...]]]:
     """Return the first kink of a run at which solutions meet, and the unknowns that pass it; none or one."""
-    kinks = _kinks(problem.compiled) if problem.compiled.algebraic and problem.compiled.state_events else None
+    kinks = _kinks(problem.compiled.common) if problem.compiled.algebraic and problem.compiled.state_events else None
     if kinks is None:
         return []
     t, x, z, m = recorder.rows()
@@ -80,7 +77,7 @@ def meeting_at_kinks(problem: Problem, recorder: Recorder) -> list[tuple[float, 
 def meeting_relations(problem: Problem, t: float, x: Vector, z: Vector, m: Vector) -> tuple[str, ...]:
     """Return the texts of the relations at whose change solutions meet, by the slopes at this point."""
     compiled = problem.compiled
-    kinks = _kinks(compiled) if compiled.algebraic and compiled.state_events else None
+    kinks = _kinks(compiled.common) if compiled.algebraic and compiled.state_events else None
     at, own = (t, x, z, problem.u, problem.p, m), kinks.relations if kinks else ()
     texts = compiled.events.texts
     return tuple(texts[k] for j, k in enumerate(own) if kinks and _meeting(problem, kinks, j, at, np.inf))
