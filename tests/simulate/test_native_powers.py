@@ -50,6 +50,15 @@ def test_shared_powers_are_those_of_the_c_library(tmp_path: Path) -> None:
             np.testing.assert_allclose(found, expected, rtol=1e-15, err_msg=f"{u}**{b}")
 
 
+@pytest.mark.skipif(cache.compiler() is None, reason="no C compiler on this machine")
+def test_functions_that_are_cut_into_pieces_share_powers() -> None:
+    x, a = ca.SX.sym("x", 1500), ca.SX.sym("a")
+    compiled = cache.native(ca.Function("law", [x, a], [x**a + x ** (a - 1)]))
+    assert compiled is not None
+    u = np.linspace(0.1, 10.0, 1500)
+    np.testing.assert_allclose(np.array(compiled(u, 2.3)).ravel(), u**2.3 + u**1.3, rtol=1e-14)
+
+
 class Sink(Component):
     """A tank of which the outflow v solves v + v**1.5 == x."""
 

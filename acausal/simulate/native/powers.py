@@ -26,7 +26,8 @@ static casadi_real power_of(casadi_real x, casadi_real y, casadi_real other, cas
 """
 # As in the C library, the result is the other number if one of them is nan.
 _EXTREMA = (("fmax(x, y)", "x >= y || y != y ? x : y"), ("fmin(x, y)", "x <= y || y != y ? x : y"))
-_FIRST = re.compile(r"(?m)^(?=(?:/\* \w+:.*\*/\n)?static int casadi_f\d+\()")
+# Long functions are cut into pieces, which stand before them.
+_FIRST = re.compile(r"(?m)^(?=(?:/\* \w+:.*\*/\n)?static (?:int|__attribute__\(\(noinline\)\) void) casadi_f\d+)")
 
 
 def with_own_functions(source: str) -> str:
