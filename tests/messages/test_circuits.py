@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, connect, fixed, part
-from acausal.library import blocks, electrical, rotational, translational
+from acausal import Component, Equations, connect, part
+from acausal.library import blocks, electrical, translational
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
@@ -51,87 +51,7 @@ class CurrentCutset(Component):
         yield connect(self.load.n, self.first.p, self.ground.p)
 
 
-@corpus.broken("AC205", "one, two and three", "electrical.ConstantVoltage(V=5.0)", "electrical.ConstantVoltage(V=1.0)")
-class RingOfSources(Component):
-    """Three voltage sources in a ring."""
-
-    one: electrical.ConstantVoltage = electrical.ConstantVoltage(V=5.0)
-    two: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    three: electrical.ConstantVoltage = electrical.ConstantVoltage(V=5.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.one.p, self.two.p)
-        yield connect(self.two.n, self.three.p)
-        yield connect(self.three.n, self.one.n, self.ground.p)
-
-
-@corpus.bad_start("AC302", "right.v", "electrical.Capacitor(C=1e-6, v=fixed(2.0))")
-class CapacitorLoop(Component):
-    """Two capacitors side by side that start at different voltages."""
-
-    left: electrical.Capacitor = electrical.Capacitor(C=1e-6, v=fixed(1.0))
-    right: electrical.Capacitor = electrical.Capacitor(C=1e-6, v=fixed(2.0))
-    load: electrical.Resistor = electrical.Resistor(R=1.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.left.p, self.right.p, self.load.p)
-        yield connect(self.left.n, self.right.n, self.load.n, self.ground.p)
-
-
-@corpus.bad_start("AC302", "coil.i", "electrical.Inductor(L=1e-3, i=fixed(0.0))")
-class InductorCutset(Component):
-    """A source of current through a coil that starts without any."""
-
-    source: electrical.ConstantCurrent = electrical.ConstantCurrent(I=5.0)
-    coil: electrical.Inductor = electrical.Inductor(L=1e-3, i=fixed(0.0))
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.n, self.coil.p)
-        yield connect(self.source.p, self.coil.n, self.ground.p)
-
-
-@corpus.broken("AC205", "source and meter", "electrical.ConstantVoltage(V=1.0)", "electrical.CurrentSensor()")
-class AmmeterAcross(Component):
-    """An ammeter across a source of voltage."""
-
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    meter: electrical.CurrentSensor = electrical.CurrentSensor()
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.meter.p)
-        yield connect(self.source.n, self.meter.n, self.ground.p)
-
-
-@corpus.broken("AC205", "source and load", "electrical.ConstantVoltage(V=1.0)", "electrical.Resistor(R=0.0)")
-class ZeroResistance(Component):
-    """A resistor of no resistance: a short circuit by a value."""
-
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    load: electrical.Resistor = electrical.Resistor(R=0.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.load.p)
-        yield connect(self.source.n, self.load.n, self.ground.p)
-
-
-@corpus.broken("AC204", "first and second", "blocks.Gain(k=2.0)", "blocks.Gain(k=0.5)")
-class GainsInACircle(Component):
-    """Gains whose product is one, each feeding the other."""
-
-    first: blocks.Gain = blocks.Gain(k=2.0)
-    second: blocks.Gain = blocks.Gain(k=0.5)
-
-    def equations(self) -> Equations:
-        yield connect(self.first.y, self.second.u)
-        yield connect(self.second.y, self.first.u)
-
-
-@corpus.bad_start("AC303", "ratio.y", "blocks.Constant(k=0.0)", "yield self.y == self.u1 / self.u2")
+@corpus.broken("AC303", "ratio.y", "blocks.Constant(k=0.0)", "yield self.y == self.u1 / self.u2")
 class QuotientOfConstants(Component):
     """A division by a constant that is zero; nothing depends on it and nothing moves."""
 
@@ -142,15 +62,6 @@ class QuotientOfConstants(Component):
     def equations(self) -> Equations:
         yield connect(self.above.y, self.ratio.u1)
         yield connect(self.below.y, self.ratio.u2)
-
-
-@corpus.broken("AC120", "load.p (Pin) and shaft.flange_a (Flange)", "yield connect(self.load.p, self.shaft.flange_a)")
-class PinOnAShaft(Component):
-    load: electrical.Resistor = electrical.Resistor(R=1.0)
-    shaft: rotational.Inertia = rotational.Inertia(J=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.load.p, self.shaft.flange_a)
 
 
 @corpus.broken(
@@ -166,6 +77,67 @@ class AnotherClass(Component):
 
     def build(self) -> None:
         self.mass = translational.Spring(c=1.0)  # type: ignore[assignment]
+
+
+corpus.table(
+    """
+RingOfSources AC205 one, two and three
+# Three voltage sources in a ring.
+one: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=5.0)>>
+two: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=1.0)>>
+three: electrical.ConstantVoltage = electrical.ConstantVoltage(V=5.0)
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.one.p, self.two.p)
+yield connect(self.two.n, self.three.p)
+yield connect(self.three.n, self.one.n, self.ground.p)
+
+CapacitorLoop AC302 right.v
+# Two capacitors side by side that start at different voltages.
+left: electrical.Capacitor = electrical.Capacitor(C=1e-6, v=fixed(1.0))
+right: electrical.Capacitor = <<electrical.Capacitor(C=1e-6, v=fixed(2.0))>>
+load: electrical.Resistor = electrical.Resistor(R=1.0)
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.left.p, self.right.p, self.load.p)
+yield connect(self.left.n, self.right.n, self.load.n, self.ground.p)
+
+InductorCutset AC302 coil.i
+# A source of current through a coil that starts without any.
+source: electrical.ConstantCurrent = electrical.ConstantCurrent(I=5.0)
+coil: electrical.Inductor = <<electrical.Inductor(L=1e-3, i=fixed(0.0))>>
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.n, self.coil.p)
+yield connect(self.source.p, self.coil.n, self.ground.p)
+
+AmmeterAcross AC205 source and meter
+# An ammeter across a source of voltage.
+source: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=1.0)>>
+meter: electrical.CurrentSensor = <<electrical.CurrentSensor()>>
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.meter.p)
+yield connect(self.source.n, self.meter.n, self.ground.p)
+
+ZeroResistance AC205 source and load
+# A resistor of no resistance: a short circuit by a value.
+source: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=1.0)>>
+load: electrical.Resistor = <<electrical.Resistor(R=0.0)>>
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.load.p)
+yield connect(self.source.n, self.load.n, self.ground.p)
+
+GainsInACircle AC204 first and second
+# Gains whose product is one, each feeding the other.
+first: blocks.Gain = <<blocks.Gain(k=2.0)>>
+second: blocks.Gain = <<blocks.Gain(k=0.5)>>
+yield connect(self.first.y, self.second.u)
+yield connect(self.second.y, self.first.u)
+
+PinOnAShaft AC120 load.p (Pin) and shaft.flange_a (Flange)
+load: electrical.Resistor = electrical.Resistor(R=1.0)
+shaft: rotational.Inertia = rotational.Inertia(J=1.0)
+> yield connect(self.load.p, self.shaft.flange_a)
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -7,52 +7,39 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from acausal import Component, Equations, connect, fixed
 from acausal.cli.main import app
-from acausal.library import blocks, electrical, thermal
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
 
 
-@corpus.broken("AC205", "heater and conductor", "thermal.FixedHeatFlow(Q_flow=1.0)", "thermal.ThermalConductor(G=1.0)")
-class HeatWithoutEnd(Component):
-    """A heat flow into a conductor that leads nowhere; alpha = 0 is no reason, being the default."""
+corpus.table(
+    """
+HeatWithoutEnd AC205 heater and conductor
+# A heat flow into a conductor that leads nowhere; alpha = 0 is no reason, being the default.
+heater: thermal.FixedHeatFlow = <<thermal.FixedHeatFlow(Q_flow=1.0)>>
+conductor: thermal.ThermalConductor = <<thermal.ThermalConductor(G=1.0)>>
+yield connect(self.heater.port, self.conductor.port_a)
 
-    heater: thermal.FixedHeatFlow = thermal.FixedHeatFlow(Q_flow=1.0)
-    conductor: thermal.ThermalConductor = thermal.ThermalConductor(G=1.0)
+CoilThatCannotGiveHeat AC212 coil.heatPort
+# A heat port that is left open.
+source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+coil: electrical.HeatingResistor = <<electrical.HeatingResistor(R_ref=1.0)>>
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.coil.p)
+yield connect(self.source.n, self.coil.n, self.ground.p)
 
-    def equations(self) -> Equations:
-        yield connect(self.heater.port, self.conductor.port_a)
+BodyOfAnotherTemperature AC302 body.T
+body: thermal.HeatCapacitor = <<thermal.HeatCapacitor(C=1.0, T=fixed(400.0))>>
+outside: thermal.FixedTemperature = thermal.FixedTemperature(T=300.0)
+yield connect(self.body.port, self.outside.port)
 
-
-@corpus.broken("AC212", "coil.heatPort", "electrical.HeatingResistor(R_ref=1.0)")
-class CoilThatCannotGiveHeat(Component):
-    """A heat port that is left open."""
-
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    coil: electrical.HeatingResistor = electrical.HeatingResistor(R_ref=1.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.coil.p)
-        yield connect(self.source.n, self.coil.n, self.ground.p)
-
-
-@corpus.bad_start("AC302", "body.T", "thermal.HeatCapacitor(C=1.0, T=fixed(400.0))")
-class BodyOfAnotherTemperature(Component):
-    body: thermal.HeatCapacitor = thermal.HeatCapacitor(C=1.0, T=fixed(400.0))
-    outside: thermal.FixedTemperature = thermal.FixedTemperature(T=300.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.body.port, self.outside.port)
-
-
-@corpus.broken("AC130", "table (TimeTable)", "blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))")
-class TableThatGoesBack(Component):
-    """The library refuses the table; it is named by the component that has it."""
-
-    table: blocks.TimeTable = blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))
+TableThatGoesBack AC130 table (TimeTable)
+# The library refuses the table; it is named by the component that has it.
+table: blocks.TimeTable = <<blocks.TimeTable(table=((0.0, 1.0), (2.0, 1.0), (1.0, 0.0)))>>
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -51,35 +51,31 @@ class FourBar(Component):
         yield connect(self.bars[3].frame_b, self.world.frame_b)
 
 
-@corpus.broken("AC206", "upper", "yield connect(self.bridge.frame_b, self.upper.frame_b)")
-class ParallelGuides(Component):
-    """A slide on two parallel guides."""
+corpus.table(
+    """
+ParallelGuides AC206 upper
+# A slide on two parallel guides.
+world: multibody.World = multibody.World()
+offset: multibody.FixedTranslation = multibody.FixedTranslation(r=Y)
+upper: multibody.Prismatic = multibody.Prismatic(n=X)
+lower: multibody.Prismatic = multibody.Prismatic(n=X)
+bridge: multibody.FixedTranslation = multibody.FixedTranslation(r=Y)
+slide: multibody.Body = multibody.Body(m=1.0)
+yield connect(self.world.frame_b, self.lower.frame_a, self.offset.frame_a)
+yield connect(self.offset.frame_b, self.upper.frame_a)
+yield connect(self.lower.frame_b, self.bridge.frame_a, self.slide.frame_a)
+> yield connect(self.bridge.frame_b, self.upper.frame_b)
 
-    world: multibody.World = multibody.World()
-    offset: multibody.FixedTranslation = multibody.FixedTranslation(r=Y)
-    upper: multibody.Prismatic = multibody.Prismatic(n=X)
-    lower: multibody.Prismatic = multibody.Prismatic(n=X)
-    bridge: multibody.FixedTranslation = multibody.FixedTranslation(r=Y)
-    slide: multibody.Body = multibody.Body(m=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.world.frame_b, self.lower.frame_a, self.offset.frame_a)
-        yield connect(self.offset.frame_b, self.upper.frame_a)
-        yield connect(self.lower.frame_b, self.bridge.frame_a, self.slide.frame_a)
-        yield connect(self.bridge.frame_b, self.upper.frame_b)
-
-
-@corpus.broken("AC206", "beam", "yield connect(self.beam.frame_b, self.wall.frame_b)")
-class ClampedBeam(Component):
-    """A rigid beam clamped at both ends."""
-
-    world: multibody.World = multibody.World()
-    beam: multibody.FixedTranslation = multibody.FixedTranslation(r=X)
-    wall: multibody.Fixed = multibody.Fixed(r=X)
-
-    def equations(self) -> Equations:
-        yield connect(self.world.frame_b, self.beam.frame_a)
-        yield connect(self.beam.frame_b, self.wall.frame_b)
+ClampedBeam AC206 beam
+# A rigid beam clamped at both ends.
+world: multibody.World = multibody.World()
+beam: multibody.FixedTranslation = multibody.FixedTranslation(r=X)
+wall: multibody.Fixed = multibody.Fixed(r=X)
+yield connect(self.world.frame_b, self.beam.frame_a)
+> yield connect(self.beam.frame_b, self.wall.frame_b)
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from acausal import Component, Equations, Real, connect, fixed, parameter, part, structural, variable
-from acausal.library import blocks, electrical, rotational, translational
-from acausal.library.multibody import Body, BodyShape, FixedTranslation, Revolute, Spherical, World
+from acausal import Component, Equations, Real, connect, parameter, part, structural, variable
+from acausal.library import electrical
+from acausal.library.multibody import FixedTranslation, World
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
@@ -42,84 +42,6 @@ class RodTriangle(Component):
         yield connect(self.a.frame_b, self.b.frame_a)
         yield connect(self.b.frame_b, self.c.frame_a)
         yield connect(self.c.frame_b, self.world.frame_b)
-
-
-@corpus.broken(
-    "AC206",
-    "joint, link and ball",
-    "Revolute()",
-    "BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))",
-    "Spherical()",
-)
-class TooFewFreedoms(Component):
-    """A hinge and a ball joint between two fixed points: one rotation too few to close the loop."""
-
-    world: World = World()
-    base: FixedTranslation = FixedTranslation(r=(1.0, 0.0, 0.0))
-    joint: Revolute = Revolute()
-    link: BodyShape = BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))
-    ball: Spherical = Spherical()
-
-    def equations(self) -> Equations:
-        yield connect(self.world.frame_b, self.joint.frame_a, self.base.frame_a)
-        yield connect(self.joint.frame_b, self.link.frame_a)
-        yield connect(self.link.frame_b, self.ball.frame_a)
-        yield connect(self.ball.frame_b, self.base.frame_b)
-
-
-@corpus.broken("AC201", "joint.frame_a is not connected", "Revolute(phi=fixed(0.0))")
-class JointInTheAir(Component):
-    """Nobody has hung the joint on anything: no World."""
-
-    joint: Revolute = Revolute(phi=fixed(0.0))
-    body: Body = Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
-
-    def equations(self) -> Equations:
-        yield connect(self.joint.frame_b, self.body.frame_a)
-
-
-@corpus.broken("AC205", "speed and brake", "rotational.Speed()", "rotational.Fixed()")
-class TwoDrives(Component):
-    """The axis of a joint that is driven and held."""
-
-    world: World = World()
-    joint: Revolute = Revolute()
-    body: Body = Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
-    speed: rotational.Speed = rotational.Speed()
-    brake: rotational.Fixed = rotational.Fixed()
-    constant: blocks.Constant = blocks.Constant(k=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.world.frame_b, self.joint.frame_a)
-        yield connect(self.joint.frame_b, self.body.frame_a)
-        yield connect(self.constant.y, self.speed.w_ref)
-        yield connect(self.joint.axis, self.speed.flange, self.brake.flange)
-
-
-@corpus.broken("AC205", "mass", "translational.Mass(m=1.0, L=1.0)")
-class BothEnds(Component):
-    """A long mass whose ends are one point."""
-
-    mass: translational.Mass = translational.Mass(m=1.0, L=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.mass.flange_a, self.mass.flange_b)
-
-
-@corpus.bad_start("AC302", "rear.w", "rotational.Inertia(J=1.0, w=fixed(1.0))")
-class TwoSpeedsAtTheStart(Component):
-    """Two inertias on one shaft that start at different speeds."""
-
-    front: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
-    rear: rotational.Inertia = rotational.Inertia(J=1.0, w=fixed(1.0))
-
-    def equations(self) -> Equations:
-        yield connect(self.front.flange_b, self.rear.flange_a)
-
-
-@corpus.wrong("AC130", "Revolute", "Revolute(n=(0.0, 0.0, 0.0))")
-def axis_without_direction() -> None:
-    Revolute(n=(0.0, 0.0, 0.0))
 
 
 class Twig(Component):
@@ -188,6 +110,56 @@ class TooManyThreeDeep(Tree):
         self.source = electrical.ConstantVoltage(V=1.0)
         self.stem = Branch(depth=2, leaf=Knot)
         self.ground = electrical.Ground()
+
+
+corpus.table(
+    """
+AC130 Revolute -- multibody.Revolute(n=(0.0, 0.0, 0.0))
+
+TooFewFreedoms AC206 joint, link and ball
+# A hinge and a ball joint between two fixed points: one rotation too few to close the loop.
+world: multibody.World = multibody.World()
+base: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+joint: multibody.Revolute = <<multibody.Revolute()>>
+link: multibody.BodyShape = <<multibody.BodyShape(m=1.0, r=(1.0, 0.0, 0.0), r_CM=(0.5, 0.0, 0.0))>>
+ball: multibody.Spherical = <<multibody.Spherical()>>
+yield connect(self.world.frame_b, self.joint.frame_a, self.base.frame_a)
+yield connect(self.joint.frame_b, self.link.frame_a)
+yield connect(self.link.frame_b, self.ball.frame_a)
+yield connect(self.ball.frame_b, self.base.frame_b)
+
+JointInTheAir AC201 joint.frame_a is not connected
+# Nobody has hung the joint on anything: no World.
+joint: multibody.Revolute = <<multibody.Revolute(phi=fixed(0.0))>>
+body: multibody.Body = multibody.Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
+yield connect(self.joint.frame_b, self.body.frame_a)
+
+TwoDrives AC205 speed and brake
+# The axis of a joint that is driven and held.
+world: multibody.World = multibody.World()
+joint: multibody.Revolute = multibody.Revolute()
+body: multibody.Body = multibody.Body(m=1.0, r_CM=(1.0, 0.0, 0.0))
+speed: rotational.Speed = <<rotational.Speed()>>
+brake: rotational.Fixed = <<rotational.Fixed()>>
+constant: blocks.Constant = blocks.Constant(k=1.0)
+yield connect(self.world.frame_b, self.joint.frame_a)
+yield connect(self.joint.frame_b, self.body.frame_a)
+yield connect(self.constant.y, self.speed.w_ref)
+yield connect(self.joint.axis, self.speed.flange, self.brake.flange)
+
+BothEnds AC205 mass
+# A long mass whose ends are one point.
+mass: translational.Mass = <<translational.Mass(m=1.0, L=1.0)>>
+yield connect(self.mass.flange_a, self.mass.flange_b)
+
+TwoSpeedsAtTheStart AC302 rear.w
+# Two inertias on one shaft that start at different speeds.
+front: rotational.Inertia = rotational.Inertia(J=1.0, phi=fixed(0.0), w=fixed(0.0))
+rear: rotational.Inertia = <<rotational.Inertia(J=1.0, w=fixed(1.0))>>
+yield connect(self.front.flange_b, self.rear.flange_a)
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

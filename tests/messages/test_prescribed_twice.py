@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from acausal import Component, Equations, connect
-from acausal.library import blocks, electrical, rotational, translational
+from acausal.library import electrical
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
@@ -48,75 +48,54 @@ class ParallelSources(Component):
         yield connect(self.low.n, self.high.n, self.load.n, self.ground.p)
 
 
-@corpus.broken("AC205", "here and there", "electrical.Ground()")
-class TwoGrounds(Component):
-    """The potential is the same; how the current divides is not known."""
+corpus.table(
+    """
+TwoGrounds AC205 here and there
+# The potential is the same; how the current divides is not known.
+source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+load: electrical.Resistor = electrical.Resistor(R=1.0)
+here: electrical.Ground = <<electrical.Ground()>>
+there: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.load.p)
+yield connect(self.source.n, self.load.n, self.here.p, self.there.p)
 
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    load: electrical.Resistor = electrical.Resistor(R=1.0)
-    here: electrical.Ground = electrical.Ground()
-    there: electrical.Ground = electrical.Ground()
+ShortCircuit AC205 source
+# A voltage source whose pins are one point.
+source: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=1.0)>>
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.source.n, self.ground.p)
 
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.load.p)
-        yield connect(self.source.n, self.load.n, self.here.p, self.there.p)
+RodBetweenWalls AC205 left, rod and right
+# The rod is 1 m long, the walls are 2 m apart.
+left: translational.Fixed = <<translational.Fixed()>>
+rod: translational.Rod = <<translational.Rod(L=1.0)>>
+right: translational.Fixed = <<translational.Fixed(s0=2.0)>>
+yield connect(self.left.flange, self.rod.flange_a)
+yield connect(self.rod.flange_b, self.right.flange)
 
+ParallelRods AC205 upper and lower
+# Two equal rods side by side: who bears which part of the load is not known.
+wall: translational.Fixed = translational.Fixed()
+spring: translational.Spring = translational.Spring(c=1.0)
+upper: translational.Rod = <<translational.Rod(L=1.0)>>
+lower: translational.Rod = translational.Rod(L=1.0)
+mass: translational.Mass = translational.Mass(m=1.0)
+yield connect(self.wall.flange, self.spring.flange_a)
+yield connect(self.spring.flange_b, self.upper.flange_a, self.lower.flange_a)
+yield connect(self.upper.flange_b, self.lower.flange_b, self.mass.flange_a)
 
-@corpus.broken("AC205", "source", "electrical.ConstantVoltage(V=1.0)")
-class ShortCircuit(Component):
-    """A voltage source whose pins are one point."""
-
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.source.n, self.ground.p)
-
-
-@corpus.broken(
-    "AC205", "left, rod and right", "translational.Fixed()", "translational.Rod(L=1.0)", "translational.Fixed(s0=2.0)"
+TwoSpeeds AC205 drive, brake
+# Two speed sources on one shaft.
+drive: rotational.Speed = <<rotational.Speed()>>
+brake: rotational.Speed = rotational.Speed()
+inertia: rotational.Inertia = <<rotational.Inertia(J=1.0)>>
+signal: blocks.Constant = blocks.Constant(k=1.0)
+yield connect(self.signal.y, self.drive.w_ref, self.brake.w_ref)
+yield connect(self.drive.flange, self.inertia.flange_a)
+yield connect(self.brake.flange, self.inertia.flange_b)
+""",
+    globals(),
 )
-class RodBetweenWalls(Component):
-    """The rod is 1 m long, the walls are 2 m apart."""
-
-    left: translational.Fixed = translational.Fixed()
-    rod: translational.Rod = translational.Rod(L=1.0)
-    right: translational.Fixed = translational.Fixed(s0=2.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.left.flange, self.rod.flange_a)
-        yield connect(self.rod.flange_b, self.right.flange)
-
-
-@corpus.broken("AC205", "upper and lower", "translational.Rod(L=1.0)")
-class ParallelRods(Component):
-    """Two equal rods side by side: who bears which part of the load is not known."""
-
-    wall: translational.Fixed = translational.Fixed()
-    spring: translational.Spring = translational.Spring(c=1.0)
-    upper: translational.Rod = translational.Rod(L=1.0)
-    lower: translational.Rod = translational.Rod(L=1.0)
-    mass: translational.Mass = translational.Mass(m=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.wall.flange, self.spring.flange_a)
-        yield connect(self.spring.flange_b, self.upper.flange_a, self.lower.flange_a)
-        yield connect(self.upper.flange_b, self.lower.flange_b, self.mass.flange_a)
-
-
-@corpus.broken("AC205", "drive, brake", "rotational.Speed()", "rotational.Inertia(J=1.0)")
-class TwoSpeeds(Component):
-    """Two speed sources on one shaft."""
-
-    drive: rotational.Speed = rotational.Speed()
-    brake: rotational.Speed = rotational.Speed()
-    inertia: rotational.Inertia = rotational.Inertia(J=1.0)
-    signal: blocks.Constant = blocks.Constant(k=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.signal.y, self.drive.w_ref, self.brake.w_ref)
-        yield connect(self.drive.flange, self.inertia.flange_a)
-        yield connect(self.brake.flange, self.inertia.flange_b)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, connect, fixed, part
-from acausal.library import blocks, electrical, multibody, rotational, translational
+from acausal import Component, Equations, connect, fixed
+from acausal.library import electrical
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
@@ -45,99 +45,70 @@ class WithoutGround(Component):
         yield connect(self.C.n, self.R.n)
 
 
-@corpus.broken("AC203", "second", "electrical.ConstantVoltage(V=1.0)", "electrical.Resistor(R=1.0)")
-class SecondCircuit(Component):
-    """One circuit is grounded, the other is not; the currents have a junction of three."""
+corpus.table(
+    """
+SecondCircuit AC203 second
+# One circuit is grounded, the other is not; the currents have a junction of three.
+first: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=1.0)>>
+load: electrical.Resistor = <<electrical.Resistor(R=1.0)>>
+ground: electrical.Ground = electrical.Ground()
+second: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+loads: list[electrical.Resistor] = part()
+build: self.loads = [electrical.Resistor(R=1.0), electrical.Resistor(R=2.0)]
+yield connect(self.first.p, self.load.p)
+yield connect(self.first.n, self.load.n, self.ground.p)
+yield connect(self.second.p, self.loads[0].p, self.loads[1].p)
+yield connect(self.second.n, self.loads[0].n, self.loads[1].n)
 
-    first: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    load: electrical.Resistor = electrical.Resistor(R=1.0)
-    ground: electrical.Ground = electrical.Ground()
-    second: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    loads: list[electrical.Resistor] = part()
+SecondarySide AC203 transformer.p2
+# A transformer separates the potentials of its sides: each needs a ground of its own.
+source: electrical.SineVoltage = electrical.SineVoltage(V=1.0, f=50.0)
+transformer: electrical.IdealTransformer = <<electrical.IdealTransformer(n=2.0)>>
+load: electrical.Resistor = <<electrical.Resistor(R=1.0)>>
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.transformer.p1)
+yield connect(self.source.n, self.transformer.n1, self.ground.p)
+yield connect(self.transformer.p2, self.load.p)
+yield connect(self.transformer.n2, self.load.n)
 
-    def build(self) -> None:
-        self.loads = [electrical.Resistor(R=1.0), electrical.Resistor(R=2.0)]
+NonlinearWithoutGround AC203 diode
+# The same with a nonlinear characteristic, whose block of equations is torn.
+source: electrical.ConstantVoltage = <<electrical.ConstantVoltage(V=1.0)>>
+resistor: electrical.Resistor = <<electrical.Resistor(R=1.0)>>
+diode: electrical.Diode = electrical.Diode()
+yield connect(self.source.p, self.resistor.p)
+yield connect(self.resistor.n, self.diode.p)
+yield connect(self.diode.n, self.source.n)
 
-    def equations(self) -> Equations:
-        yield connect(self.first.p, self.load.p)
-        yield connect(self.first.n, self.load.n, self.ground.p)
-        yield connect(self.second.p, self.loads[0].p, self.loads[1].p)
-        yield connect(self.second.n, self.loads[0].n, self.loads[1].n)
+LoneSpring AC203 spring.flange_a
+# Both ends of a spring hang in the air.
+spring: translational.Spring = <<translational.Spring(c=1.0)>>
 
+RotationWithoutInertia AC203 damper and torque
+# A torque twists a spring-damper, and nothing holds the pair.
+damper: rotational.SpringDamper = <<rotational.SpringDamper(c=1.0, d=1.0)>>
+torque: rotational.Torque2 = <<rotational.Torque2()>>
+signal: blocks.Constant = blocks.Constant(k=1.0)
+yield connect(self.signal.y, self.torque.u)
+yield connect(self.damper.flange_a, self.torque.flange_a)
+yield connect(self.damper.flange_b, self.torque.flange_b)
 
-@corpus.broken("AC203", "transformer.p2", "electrical.IdealTransformer(n=2.0)", "electrical.Resistor(R=1.0)")
-class SecondarySide(Component):
-    """A transformer separates the potentials of its sides: each needs a ground of its own."""
+WithoutWorld AC203 joint.frame_a
+# Frames that are tied to each other, but neither to the world nor to a body.
+joint: multibody.Revolute = <<multibody.Revolute()>>
+bar: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+yield connect(self.joint.frame_b, self.bar.frame_a)
 
-    source: electrical.SineVoltage = electrical.SineVoltage(V=1.0, f=50.0)
-    transformer: electrical.IdealTransformer = electrical.IdealTransformer(n=2.0)
-    load: electrical.Resistor = electrical.Resistor(R=1.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.transformer.p1)
-        yield connect(self.source.n, self.transformer.n1, self.ground.p)
-        yield connect(self.transformer.p2, self.load.p)
-        yield connect(self.transformer.n2, self.load.n)
-
-
-@corpus.broken("AC203", "diode", "electrical.ConstantVoltage(V=1.0)", "electrical.Resistor(R=1.0)")
-class NonlinearWithoutGround(Component):
-    """The same with a nonlinear characteristic, whose block of equations is torn."""
-
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    resistor: electrical.Resistor = electrical.Resistor(R=1.0)
-    diode: electrical.Diode = electrical.Diode()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.resistor.p)
-        yield connect(self.resistor.n, self.diode.p)
-        yield connect(self.diode.n, self.source.n)
-
-
-@corpus.broken("AC203", "spring.flange_a", "translational.Spring(c=1.0)")
-class LoneSpring(Component):
-    """Both ends of a spring hang in the air."""
-
-    spring: translational.Spring = translational.Spring(c=1.0)
-
-
-@corpus.broken("AC203", "damper and torque", "rotational.SpringDamper(c=1.0, d=1.0)", "rotational.Torque2()")
-class RotationWithoutInertia(Component):
-    """A torque twists a spring-damper, and nothing holds the pair."""
-
-    damper: rotational.SpringDamper = rotational.SpringDamper(c=1.0, d=1.0)
-    torque: rotational.Torque2 = rotational.Torque2()
-    signal: blocks.Constant = blocks.Constant(k=1.0)
-
-    def equations(self) -> Equations:
-        yield connect(self.signal.y, self.torque.u)
-        yield connect(self.damper.flange_a, self.torque.flange_a)
-        yield connect(self.damper.flange_b, self.torque.flange_b)
-
-
-@corpus.broken("AC203", "joint.frame_a", "multibody.Revolute()")
-class WithoutWorld(Component):
-    """Frames that are tied to each other, but neither to the world nor to a body."""
-
-    joint: multibody.Revolute = multibody.Revolute()
-    bar: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
-
-    def equations(self) -> Equations:
-        yield connect(self.joint.frame_b, self.bar.frame_a)
-
-
-@corpus.broken("AC201", "joint.phi", "multibody.Revolute()")
-class WithoutMass(Component):
-    """A joint that moves nothing: its angle follows from no equation."""
-
-    world: multibody.World = multibody.World()
-    joint: multibody.Revolute = multibody.Revolute()
-    bar: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
-
-    def equations(self) -> Equations:
-        yield connect(self.world.frame_b, self.joint.frame_a)
-        yield connect(self.joint.frame_b, self.bar.frame_a)
+WithoutMass AC201 joint.phi
+# A joint that moves nothing: its angle follows from no equation.
+world: multibody.World = multibody.World()
+joint: multibody.Revolute = <<multibody.Revolute()>>
+bar: multibody.FixedTranslation = multibody.FixedTranslation(r=(1.0, 0.0, 0.0))
+yield connect(self.world.frame_b, self.joint.frame_a)
+yield connect(self.joint.frame_b, self.bar.frame_a)
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -7,14 +7,14 @@ from typing import cast
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, connect, der, fixed, guess, log, variable
+from acausal import Component, Equations, Real, connect, der, fixed, guess, variable
 from acausal.library import translational
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
 
 
-@corpus.bad_start(
+@corpus.broken(
     "AC302",
     "spring.s_rel",
     "translational.Spring(c=1.0, s_rel=fixed(2.0))",
@@ -41,21 +41,6 @@ class OverFixed(Component):
         yield connect(self.spring.flange_b, self.mass.flange_a)
 
 
-@corpus.bad_start("AC302", "y == 5", "yield self.y == 5.0")
-class OneTooMany(Component):
-    """One state, a start value and a start equation."""
-
-    x: Real = variable(default=fixed(1.0))
-    y: Real = variable()
-
-    def equations(self) -> Equations:
-        yield der(self.x) == -self.x
-        yield self.y == 2.0 * self.x
-
-    def initial_equations(self) -> Equations:
-        yield self.y == 5.0
-
-
 class Decay(Component):
     """Two independent states."""
 
@@ -67,47 +52,42 @@ class Decay(Component):
         yield der(self.y) == -self.y
 
 
-@corpus.bad_start("AC302", "x + y == 1", "yield self.x + self.y == 1.0", "yield self.x + self.y == 2.0")
-class SumTwice(Decay):
-    """Two start equations for two states, which say the same with different numbers."""
+corpus.table(
+    """
+OneTooMany AC302 y == 5
+# One state, a start value and a start equation.
+x: Real = variable(default=fixed(1.0))
+y: Real = variable()
+yield der(self.x) == -self.x
+yield self.y == 2.0 * self.x
+> start: yield self.y == 5.0
 
-    def initial_equations(self) -> Equations:
-        yield self.x + self.y == 1.0
-        yield self.x + self.y == 2.0
+SumTwice(Decay) AC302 x + y == 1
+# Two start equations for two states, which say the same with different numbers.
+> start: yield self.x + self.y == 1.0
+> start: yield self.x + self.y == 2.0
 
+NoRoot AC301 x
+# x*x == -1 has no real solution.
+x: Real = variable(default=guess(0.3))
+> yield self.x * self.x + 1.0 == 0.0
 
-@corpus.bad_start("AC301", "x", "yield self.x * self.x + 1.0 == 0.0")
-class NoRoot(Component):
-    """x*x == -1 has no real solution."""
+DivisionByZero AC303 y
+# 1/x at x = 0; y is only observed.
+x: Real = variable(default=fixed(0.0))
+y: Real = variable()
+yield der(self.x) == 1.0
+> yield self.y == 1.0 / self.x
 
-    x: Real = variable(default=guess(0.3))
-
-    def equations(self) -> Equations:
-        yield self.x * self.x + 1.0 == 0.0
-
-
-@corpus.bad_start("AC303", "y", "yield self.y == 1.0 / self.x")
-class DivisionByZero(Component):
-    """1/x at x = 0; y is only observed."""
-
-    x: Real = variable(default=fixed(0.0))
-    y: Real = variable()
-
-    def equations(self) -> Equations:
-        yield der(self.x) == 1.0
-        yield self.y == 1.0 / self.x
-
-
-@corpus.bad_start("AC303", "y", "yield self.y == log(self.x)")
-class LogarithmOfZero(Component):
-    """The rate would be finite again: 1/log(0) is 0."""
-
-    x: Real = variable(default=fixed(0.0))
-    y: Real = variable()
-
-    def equations(self) -> Equations:
-        yield der(self.x) == 1.0 / self.y
-        yield self.y == log(self.x)
+LogarithmOfZero AC303 y
+# The rate would be finite again: 1/log(0) is 0.
+x: Real = variable(default=fixed(0.0))
+y: Real = variable()
+yield der(self.x) == 1.0 / self.y
+> yield self.y == log(self.x)
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

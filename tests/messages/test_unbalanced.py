@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-import acausal
 from acausal import Component, Equations, Real, connect, der, parameter, part, signal_input, signal_output, variable
 from acausal.errors import AcausalError
-from acausal.library import electrical, translational
+from acausal.library import translational
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
@@ -88,87 +87,6 @@ class SuperfluousLaw(Scene):
         yield connect(self.spring.flange_b, self.mass.flange_a)
 
 
-@corpus.broken("AC202", "mass", "translational.Mass(m=1.0, s=self.x)")
-class BoundPosition(Scene):
-    """The constructor of the mass gets an expression for a variable that its equations determine."""
-
-    x: Real = variable(unit="m")
-    spring: translational.Spring = translational.Spring(c=1.0)
-
-    def build(self) -> None:
-        self.wall = translational.Fixed()
-        self.mass = translational.Mass(m=1.0, s=self.x)
-
-    def equations(self) -> Equations:
-        yield connect(self.wall.flange, self.spring.flange_a)
-        yield connect(self.spring.flange_b, self.mass.flange_a)
-        yield self.x == 1.0
-
-
-@corpus.broken("AC202", "capacitor.n.v", "yield self.capacitor.n.v == 1.0")
-class LooseCapacitor(Component):
-    """ModelingToolkit issue 1544, "ExtraEquationsSystemException": the list of extra equations is empty there."""
-
-    resistor1: electrical.Resistor = electrical.Resistor(R=1.0)
-    resistor2: electrical.Resistor = electrical.Resistor(R=2.0)
-    capacitor: electrical.Capacitor = electrical.Capacitor(C=1.0)
-    source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
-    ground: electrical.Ground = electrical.Ground()
-
-    def equations(self) -> Equations:
-        yield connect(self.source.p, self.resistor1.p)
-        yield connect(self.resistor1.n, self.capacitor.p, self.resistor2.p)
-        yield connect(self.resistor2.n, self.source.n, self.ground.p)
-        yield self.capacitor.n.v == 1.0
-
-
-@corpus.broken("AC202", "left.s == right.s", "yield self.left.s == self.right.s")
-class RigidByEquation(Component):
-    """Two masses are tied by an equation instead of a connection: no force belongs to it."""
-
-    left: translational.Mass = translational.Mass(m=1.0)
-    right: translational.Mass = translational.Mass(m=1.0)
-
-    def equations(self) -> Equations:
-        yield self.left.s == self.right.s
-
-
-@corpus.broken("AC201", "Tank", "def equations(self) -> Equations:")
-class Tank(Component):
-    """The outflow occurs in the balance, but nothing says how large it is; its author has left a hint."""
-
-    level: Real = variable(unit="m")
-    inflow: Real = variable(unit="m3/s")
-    outflow: Real = variable(unit="m3/s", hint="the outflow needs a valve law; Torricelli: A * sqrt(2 * g * level)")
-    area: Real = parameter(default=1.0, unit="m2")
-
-    def equations(self) -> Equations:
-        yield self.area * der(self.level) == self.inflow - self.outflow
-        yield self.inflow == 0.1
-
-
-@corpus.broken("AC201", "unused", "def equations(self) -> Equations:")
-class Forgotten(Component):
-    """A variable that no equation holds."""
-
-    x: Real = variable(unit="m")
-    unused: Real = variable(unit="m")
-
-    def equations(self) -> Equations:
-        yield self.x == 1.0
-
-
-@corpus.broken("AC202", "Twice", "def equations(self) -> Equations:")
-class Twice(Component):
-    """One unknown, two equations, one component."""
-
-    x: Real = variable(unit="m")
-
-    def equations(self) -> Equations:
-        yield self.x == 1.0
-        yield 2.0 * self.x == 3.0
-
-
 class Base(Component):
     x: Real = variable(unit="m")
     y: Real = variable(unit="m")
@@ -177,30 +95,9 @@ class Base(Component):
         yield self.x == 1.0
 
 
-@corpus.broken("AC202", "StatesItsBaseAgain", "def equations(self) -> Equations:")
-class StatesItsBaseAgain(Base):
-    """The equations of a base class belong to its subclasses without a call, as in Modelica."""
-
-    def equations(self) -> Equations:
-        yield from super().equations()
-        yield self.y == self.x
-
-
 def test_super_is_named_as_the_cause() -> None:
     with pytest.raises(AcausalError, match=r"super\(\)\.equations\(\)` repeats the equations of Base"):
-        acausal.compile(StatesItsBaseAgain())
-
-
-@corpus.broken("AC201", "x", "def equations(self) -> Equations:")
-class MixedUp(Component):
-    """As many equations as unknowns, but all of them about one of the two."""
-
-    x: Real = variable()
-    y: Real = variable()
-
-    def equations(self) -> Equations:
-        yield self.y * self.y == 4.0
-        yield self.y * self.y * self.y == 8.0
+        corpus["StatesItsBaseAgain"].run()
 
 
 class Controller(Component):
@@ -235,6 +132,78 @@ class OneHereOneThere(Component):
 
     def equations(self) -> Equations:
         yield connect(self.controller.y, self.plant.u)
+
+
+corpus.table(
+    """
+BoundPosition(Scene) AC202 mass
+# The constructor of the mass gets an expression for a variable that its equations determine.
+x: Real = variable(unit="m")
+spring: translational.Spring = translational.Spring(c=1.0)
+build: self.wall = translational.Fixed()
+build: self.mass = <<translational.Mass(m=1.0, s=self.x)>>
+yield connect(self.wall.flange, self.spring.flange_a)
+yield connect(self.spring.flange_b, self.mass.flange_a)
+yield self.x == 1.0
+
+LooseCapacitor AC202 capacitor.n.v
+# ModelingToolkit issue 1544, "ExtraEquationsSystemException": the list of extra equations is empty there.
+resistor1: electrical.Resistor = electrical.Resistor(R=1.0)
+resistor2: electrical.Resistor = electrical.Resistor(R=2.0)
+capacitor: electrical.Capacitor = electrical.Capacitor(C=1.0)
+source: electrical.ConstantVoltage = electrical.ConstantVoltage(V=1.0)
+ground: electrical.Ground = electrical.Ground()
+yield connect(self.source.p, self.resistor1.p)
+yield connect(self.resistor1.n, self.capacitor.p, self.resistor2.p)
+yield connect(self.resistor2.n, self.source.n, self.ground.p)
+> yield self.capacitor.n.v == 1.0
+
+RigidByEquation AC202 left.s == right.s
+# Two masses are tied by an equation instead of a connection: no force belongs to it.
+left: translational.Mass = translational.Mass(m=1.0)
+right: translational.Mass = translational.Mass(m=1.0)
+> yield self.left.s == self.right.s
+
+Tank AC201 Tank
+# The outflow occurs in the balance, but nothing says how large it is; its author has left a hint.
+level: Real = variable(unit="m")
+inflow: Real = variable(unit="m3/s")
+outflow: Real = variable(unit="m3/s", hint="the outflow needs a valve law; Torricelli: A * sqrt(2 * g * level)")
+area: Real = parameter(default=1.0, unit="m2")
+> def equations(self):
+yield self.area * der(self.level) == self.inflow - self.outflow
+yield self.inflow == 0.1
+
+Forgotten AC201 unused
+# A variable that no equation holds.
+x: Real = variable(unit="m")
+unused: Real = variable(unit="m")
+> def equations(self):
+yield self.x == 1.0
+
+Twice AC202 Twice
+# One unknown, two equations, one component.
+x: Real = variable(unit="m")
+> def equations(self):
+yield self.x == 1.0
+yield 2.0 * self.x == 3.0
+
+StatesItsBaseAgain(Base) AC202 StatesItsBaseAgain
+# The equations of a base class belong to its subclasses without a call, as in Modelica.
+> def equations(self):
+yield from super().equations()
+yield self.y == self.x
+
+MixedUp AC201 x
+# As many equations as unknowns, but all of them about one of the two.
+x: Real = variable()
+y: Real = variable()
+> def equations(self):
+yield self.y * self.y == 4.0
+yield self.y * self.y * self.y == 8.0
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)

@@ -8,12 +8,9 @@ import pytest
 
 from acausal import (
     Component,
-    Equations,
     Real,
     parameter,
     part,
-    sin,
-    variable,
 )
 from acausal.library import translational
 from acausal.library.translational import Mass
@@ -33,18 +30,6 @@ class Two(Component):
     right: Mass = Mass(m=1.0)
 
 
-@corpus.broken("AC133", "left.m", "mass()")
-class MissingValue(Two):
-    def build(self) -> None:
-        self.left = mass()
-        self.right = Mass(m=1.0)
-
-
-@corpus.broken("AC133", "a.c, a.d", "spring_damper()")
-class MissingValues(Component):
-    a: translational.SpringDamper = spring_damper()
-
-
 @corpus.broken(
     "AC134",
     "mass.m -> mass.density -> mass.m",
@@ -62,55 +47,41 @@ class BoundInACircle(Component):
         self.mass = self.Ball()
 
 
-@corpus.broken("AC135", "left.m", "Mass(m=self.x)")
-class ParameterThatVaries(Component):
-    x: Real = variable(unit="kg")
-    left: Mass = part()
+corpus.table(
+    """
+AC150 furlong -- variable(unit="furlongg/s")
+AC153 'mm' -- variable(unit="mm")
 
-    def build(self) -> None:
-        self.left = Mass(m=self.x)
+MissingValue(Two) AC133 left.m
+build: self.left = <<mass()>>
+build: self.right = Mass(m=1.0)
 
-    def equations(self) -> Equations:
-        yield self.x == 1.0
+MissingValues AC133 a.c, a.d
+a: translational.SpringDamper = <<spring_damper()>>
 
+ParameterThatVaries AC135 left.m
+x: Real = variable(unit="kg")
+left: Mass = part()
+build: self.left = <<Mass(m=self.x)>>
+yield self.x == 1.0
 
-@corpus.broken("AC136", "left.m", "Mass(m=-1.0)")
-class OutsideItsLimits(Two):
-    def build(self) -> None:
-        self.left = Mass(m=-1.0)
-        self.right = Mass(m=1.0)
+OutsideItsLimits(Two) AC136 left.m
+build: self.left = <<Mass(m=-1.0)>>
+build: self.right = Mass(m=1.0)
 
+PositionIsVelocity(Two) AC155 left.s == left.v
+> yield self.left.s == self.left.v
 
-@corpus.wrong("AC150", "furlong", 'variable(unit="furlongg/s")')
-def unknown_unit() -> None:
-    variable(unit="furlongg/s")
+SumOfDifferentUnits(Two) AC155 left.s + left.v
+x: Real = variable(unit="m")
+> yield self.x == self.left.s + self.left.v
 
-
-@corpus.wrong("AC153", "'mm'", 'variable(unit="mm")')
-def incoherent_unit() -> None:
-    variable(unit="mm")
-
-
-@corpus.broken("AC155", "left.s == left.v", "yield self.left.s == self.left.v")
-class PositionIsVelocity(Two):
-    def equations(self) -> Equations:
-        yield self.left.s == self.left.v
-
-
-@corpus.broken("AC155", "left.s + left.v", "yield self.x == self.left.s + self.left.v")
-class SumOfDifferentUnits(Two):
-    x: Real = variable(unit="m")
-
-    def equations(self) -> Equations:
-        yield self.x == self.left.s + self.left.v
-
-
-@corpus.broken("AC155", "sin(left.s)", "yield self.x == sin(self.left.s)")
-class SineOfALength(Two):
-    x: Real = variable(unit="1")
-
-    def equations(self) -> Equations:
-        yield self.x == sin(self.left.s)
+SineOfALength(Two) AC155 sin(left.s)
+x: Real = variable(unit="1")
+> yield self.x == sin(self.left.s)
+""",
+    globals(),
+)
 
 
 @pytest.mark.parametrize("case", corpus.cases, ids=str)
