@@ -182,14 +182,6 @@ weight: Real = parameter(default=1.0, unit="kg")
 body: multibody.Body = part()
 build: self.body = <<multibody.Body(m=1.0, r_CM=(self.weight, 0.0, 0.0))>>
 
-TwoSums AC302 `x + y == 1` and `x + y == 3`
-x: Real = variable()
-y: Real = variable()
-yield der(self.x) == -self.x
-yield der(self.y) == -self.y
-> start: yield self.x + self.y == 1.0
-> start: yield self.x + self.y == 3.0
-
 default_of_another_shape AC105 ShortStart: 'r'
 class ShortStart(Component):
 >     r: Real = variable(shape=3, default=fixed((0.0, 0.0)))

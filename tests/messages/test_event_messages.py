@@ -39,8 +39,6 @@ class Thing(Component):
 
 # Any: a type checker would refuse most of what follows.
 thing: Any = Thing()
-make: Any = Thing
-anything: Any = 0
 
 
 class Relay(Component):
@@ -103,9 +101,9 @@ AC146 x -- change(thing.x)
 AC146 x -- equals(thing.x, 1.0)
 AC147 on -- reset(thing.on, thing.x)
 AC147 n -- reset(thing.n, 0.5)
-AC147 on -- make(on=2.0)
+AC147 on -- Thing(on=2.0)
 AC149 fatal -- assert_(thing.x > 0, "below ground", level="fatal")
-AC149 terminate -- terminate(anything)
+AC149 terminate -- terminate(0)
 AC149 smooth -- smooth(-1, thing.x)
 
 TwoEquations AC145 n

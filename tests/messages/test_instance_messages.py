@@ -1,20 +1,20 @@
-"""AC113 to AC119, AC122 and AC127: instances that are made wrongly."""
+"""Classes, instances and values of parameters that are wrong: AC112 to AC119, AC122 to AC127, AC133 to AC136, AC15x."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-from acausal import Component, part
+from acausal import (
+    Component,
+    Real,
+    parameter,
+    part,
+)
 from acausal.errors import AcausalError
 from acausal.library.translational import Mass
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
-
-# Any: a type checker would refuse most of what follows.
-mass: Any = Mass
 
 
 @corpus.wrong("AC114", "'masses'", "Train()", "masses: list[Mass] = part()")
@@ -40,13 +40,39 @@ def one_component_in_two_models() -> None:
     Train()
 
 
+class Two(Component):
+    """Two masses and what subclasses do with them."""
+
+    left: Mass = Mass(m=1.0)
+    right: Mass = Mass(m=1.0)
+
+
+@corpus.broken(
+    "AC134",
+    "mass.m -> mass.density -> mass.m",
+    "m: Real = parameter(default=lambda self: 2.0 * self.density)",
+    "density: Real = parameter(default=lambda self: self.m / 2.0)",
+)
+class BoundInACircle(Component):
+    class Ball(Component):
+        m: Real = parameter(default=lambda self: 2.0 * self.density)
+        density: Real = parameter(default=lambda self: self.m / 2.0)
+
+    mass: Ball = part()
+
+    def build(self) -> None:
+        self.mass = self.Ball()
+
+
 corpus.table(
     """
-AC116 'flange_a' -- mass(m=1.0, flange_a=electrical.Pin())
+AC116 'flange_a' -- Mass(m=1.0, flange_a=electrical.Pin())
 AC122 frame_a -- rooted(multibody.Body(m=1.0).frame_a)
-AC127 'mas' -- mass(mas=1.0)
-AC127 'flange_c' -- connect(mass(m=1.0).flange_c, translational.Fixed().flange)
-AC127 Mass -- mass(1.0)
+AC127 'mas' -- Mass(mas=1.0)
+AC127 'flange_c' -- connect(Mass(m=1.0).flange_c, translational.Fixed().flange)
+AC127 Mass -- Mass(1.0)
+AC150 furlong -- variable(unit="furlongg/s")
+AC153 'mm' -- variable(unit="mm")
 
 structural_without_value AC113 'n'
 class Chain(Component):
@@ -107,6 +133,72 @@ class Train(Component):
     def build(self) -> None:
 >         self.engine = Mass(m=1.0)
 Train()
+
+field_without_annotation AC112 Tank.level
+class Tank(Component):
+    area: Real = parameter(unit="m2")
+>     level = variable(unit="m")
+
+field_without_declaration AC112 Tank.level
+class Tank(Component):
+>     level: Real
+
+connector_with_a_parameter AC123 Port: 'area'
+class Port(Connector):
+    p: Real = variable(unit="Pa")
+    q: Real = flow(unit="m3/s")
+>     area: Real = parameter(unit="m2")
+
+unbalanced_connector AC124 Port
+> class Port(Connector):
+    p: Real = variable(unit="Pa")
+    T: Real = variable(unit="K")
+    q: Real = flow(unit="m3/s")
+
+reserved_name AC125 Tank.equations
+class Tank(Component):
+>     equations: Real = variable()
+
+name_of_the_time AC125 Tank.time
+# `result["time"]` would be the time of the run.
+class Tank(Component):
+>     time: Real = variable()
+
+name_with_an_underscore AC125 Tank._level
+class Tank(Component):
+>     _level: Real = variable()
+
+field_declared_again AC126 Engine.m
+class Engine(translational.Mass):
+>     m: Real = parameter(default=1.0)
+
+MissingValue(Two) AC133 left.m
+build: self.left = <<Mass()>>
+build: self.right = Mass(m=1.0)
+
+MissingValues AC133 a.c, a.d
+a: translational.SpringDamper = <<translational.SpringDamper()>>
+
+ParameterThatVaries AC135 left.m
+x: Real = variable(unit="kg")
+left: Mass = part()
+build: self.left = <<Mass(m=self.x)>>
+yield self.x == 1.0
+
+OutsideItsLimits(Two) AC136 left.m
+build: self.left = <<Mass(m=-1.0)>>
+build: self.right = Mass(m=1.0)
+
+PositionIsVelocity(Two) AC155 left.s == left.v
+> yield self.left.s == self.left.v
+
+SumOfDifferentUnits(Two) AC155 left.s + left.v
+x: Real = variable(unit="m")
+> yield self.x == self.left.s + self.left.v
+
+SineOfALength(Two) AC155 sin(left.s)
+x: Real = variable(unit="1")
+> yield self.x == sin(self.left.s)
 """,
     globals(),
 )

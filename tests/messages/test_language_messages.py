@@ -35,7 +35,6 @@ class Thing(Component):
 
 # Any: a type checker would refuse most of what follows.
 thing: Any = Thing()
-make: Any = Thing
 
 
 @corpus.wrong("AC105", "`x == ", "_ = thing.x == 0.5 * (thing.v * thing.v)")
@@ -75,11 +74,11 @@ AC105 `R` -- thing.R @ (1.0, 2.0)
 AC105 `R` -- sin(thing.R)
 AC105 cross -- cross(thing.v, (1.0, 2.0))
 AC105 `x` -- as_expr([thing.v, thing.x])
-AC105 'v' -- make(v=fixed((1.0, 2.0)))
+AC105 'v' -- Thing(v=fixed((1.0, 2.0)))
 AC106 '1 m' -- thing.x + "1 m"
 AC107 log(-1) -- log(-1.0)
-AC110 'k' -- make(k=fixed(1.0))
-AC111 'k' -- make(k="1 N/m")
+AC110 'k' -- Thing(k=fixed(1.0))
+AC111 'k' -- Thing(k="1 N/m")
 
 branch_on_a_parameter AC101 k > 0
 > if thing.k > 0:
