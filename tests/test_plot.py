@@ -18,6 +18,7 @@ from acausal.plot.compare import compared
 from acausal.plot.plot import figure, plot, show
 from acausal.plot.scale import Scale, readable, to_unit
 from acausal.result.result import Event, Result, Signal
+from tests.expected import fails_with
 
 TIME = np.linspace(0.0, 4.0, 9)
 SIGNALS = (
@@ -74,9 +75,8 @@ def test_together_uses_a_second_axis(result: Result) -> None:
     legend = left.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["drill.s", "drill.F_f (right)"]
-    with pytest.raises(UsageError, match="one panel cannot show 3 units") as caught:
+    with fails_with(UsageError, "AC016", match="one panel cannot show 3 units"):
         plot(result, "drill.s", "drill.F_f", "T", together=True)
-    assert caught.value.code == "AC016"
 
 
 def following(unit: str, other: str) -> Result:
@@ -145,9 +145,8 @@ def test_volts_per_hertz_are_no_hertz() -> None:
 
 
 def test_a_plain_number_beside_two_quantities_is_refused() -> None:
-    with pytest.raises(UsageError) as caught:
+    with fails_with(UsageError, "AC016"):
         figure(following("", "rad/s"), [Panel(("setpoint", "motor.w", "motor.tau"))])
-    assert caught.value.code == "AC016"
 
 
 def test_prefixes_hold_for_all_of_a_scale() -> None:
@@ -229,9 +228,8 @@ def test_png_has_150_dots_per_inch(result: Result, tmp_path: Path) -> None:
 
 def test_wrong_files_are_refused(result: Result, tmp_path: Path) -> None:
     for name, code in (("a.xyz", "AC013"), ("nowhere/a.png", "AC012")):
-        with pytest.raises(UsageError) as caught:
+        with fails_with(UsageError, code):
             plot(result, "drill.s", file=tmp_path / name)
-        assert caught.value.code == code
     assert list(tmp_path.iterdir()) == []
 
 

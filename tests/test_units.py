@@ -25,6 +25,7 @@ from acausal.units import (
     parse,
     power,
 )
+from tests.expected import fails_with
 
 NAMES = ["m", "kg", "s", "A", "K", "mol", "cd", "N", "Pa", "V", "mm", "kN", "rad", "rpm", "uF", "in", "bar", "deg"]
 
@@ -147,17 +148,14 @@ def test_format_dimension(unit: str, name: str) -> None:
     ],
 )
 def test_unreadable_unit(unit: str, fact: str, hint: str) -> None:
-    with pytest.raises(UnitError) as caught:
+    with fails_with(UnitError, "AC150", fact) as caught:
         parse(unit)
-    assert caught.value.code == "AC150"
-    assert fact in caught.value.fact
     assert hint in str(caught.value.help)
 
 
 def test_wrong_dimension() -> None:
-    with pytest.raises(UnitError) as caught:
+    with fails_with(UnitError, "AC151") as caught:
         convert("16 kg", "m")
-    assert caught.value.code == "AC151"
     assert caught.value.fact == '"16 kg" does not fit a quantity in "m"'
     assert caught.value.evidence == ()  # the units are their own dimensions
     assert caught.value.help == "give a number in m, or one with a unit of the same dimension, such as mm, um, in"

@@ -42,6 +42,7 @@ from acausal.library.multibody.orientation import IDENTITY
 from acausal.models.contact_scenes import BoxStack
 from tests.cli.running import run
 from tests.contact.scenes import G
+from tests.expected import fails_with
 
 LAWS = Surfaces(law=HuntCrossley(k=1e4, n=1.0, e=0.7, v_0=0.4), friction=Coulomb(mu=0.3, v_s=1e-2))
 
@@ -205,9 +206,8 @@ class Refused(Component):
 def test_bad_scenes_are_refused_with_the_name_of_the_body(
     bodies: tuple[ContactBody, ...], surfaces: Surfaces, code: str, named: str
 ) -> None:
-    with pytest.raises(DeclarationError) as caught:
+    with fails_with(DeclarationError, code) as caught:
         Refused(bodies=bodies, surfaces=surfaces)
-    assert caught.value.code == code
     assert named in str(caught.value)
 
 

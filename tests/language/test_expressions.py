@@ -33,6 +33,7 @@ from acausal.flatten.pool import Pool
 from acausal.flatten.scalars.scalarise import scalars
 from acausal.language.expressions.expression import Symbol, symbols_in
 from acausal.numeric.evaluate import values
+from tests.expected import fails_with
 from tests.language.evaluating import value
 
 Array = NDArray[np.float64]
@@ -210,6 +211,5 @@ def test_shapes_agree_or_are_refused(first: str, second: str, op: str) -> None:
     if fits:
         np.testing.assert_allclose(array(operation(a, b), at), operation(at[first], at[second]), rtol=1e-12)
     else:
-        with pytest.raises(DeclarationError) as caught:
+        with fails_with(DeclarationError, "AC105"):
             operation(a, b)
-        assert caught.value.code == "AC105"

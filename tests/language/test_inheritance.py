@@ -14,6 +14,7 @@ from acausal import Component, Equations, Real, der, fixed, parameter, part, str
 from acausal.errors import DeclarationError
 from acausal.flatten.flatten import flatten
 from acausal.flatten.instances.statements import statements
+from tests.expected import fails_with
 
 
 def make(name: str, bases: tuple[type[Component], ...], fields: tuple[str, ...] = ()) -> type[Component]:
@@ -68,10 +69,8 @@ def test_a_field_cannot_be_declared_twice(depth: int, as_value: bool) -> None:
             return new_class("Last", (here,), exec_body=lambda namespace: namespace.update(x=2.0))
         return make("Last", (here,), ("x",))
 
-    with pytest.raises(DeclarationError) as caught:
+    with fails_with(DeclarationError, "AC126", "Last.x"):
         last()
-    assert caught.value.code == "AC126"
-    assert "Last.x" in caught.value.fact
 
 
 class Base(Component):
@@ -198,6 +197,5 @@ def test_another_class_does_not() -> None:
         def equations(self) -> Equations:
             yield self.x == 1.0
 
-    with pytest.raises(DeclarationError) as caught:
+    with fails_with(DeclarationError, "AC116"):
         Owner(which=Stranger)  # type: ignore[arg-type]
-    assert caught.value.code == "AC116"

@@ -23,6 +23,7 @@ from acausal.library.multibody import (
     quaternion,
     uniform_field,
 )
+from tests.expected import fails_with
 
 
 class Ambient(Component):
@@ -128,9 +129,8 @@ def test_a_structural_value_is_not_known_in_build() -> None:
         def build(self) -> None:
             self.probes = [Probe() for _ in range(self.around.steps)]
 
-    with pytest.raises(DeclarationError, match=r"around\.steps.* is not known yet") as caught:
+    with fails_with(DeclarationError, "AC187", match=r"around\.steps.* is not known yet"):
         Early()
-    assert caught.value.code == "AC187"
 
 
 def test_an_outer_is_not_given() -> None:

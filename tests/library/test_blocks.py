@@ -37,6 +37,7 @@ from acausal.library.blocks import (
     VariableDelay,
 )
 from acausal.library.blocks.noise import _first_state, _next_state
+from tests.expected import fails_with
 from tests.language.evaluating import value
 
 TABLE = ((0.0, 1.0), (1.0, 3.0), (1.0, 0.0), (2.0, 0.0), (4.0, -2.0))
@@ -112,9 +113,8 @@ def test_no_solver_steps_over_a_jump(sources: acausal.Result) -> None:
 
 @pytest.mark.parametrize("table", [(), ((0.0, 1.0, 2.0),), ((1.0, 0.0), (0.0, 1.0))])
 def test_a_wrong_table_is_refused(table: tuple[tuple[float, ...], ...]) -> None:
-    with pytest.raises(DeclarationError) as error:
+    with fails_with(DeclarationError, "AC130"):
         list(TimeTable(table=table).equations())  # type: ignore[arg-type]
-    assert error.value.code == "AC130"
 
 
 class Arithmetic(Component):

@@ -19,6 +19,7 @@ from acausal.library.drilling import (
     rake_correction,
 )
 from acausal.models.drilling_kinematic import ThinPlate
+from tests.expected import fails_with
 
 SOURCE = "a made-up material of this test"
 
@@ -120,16 +121,14 @@ def test_files_that_are_no_table(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     if "missing" not in name:
         path.write_text("PK", encoding="utf-8")
-    with pytest.raises(AcausalError, match=name) as caught:
+    with fails_with(AcausalError, "AC070", match=name):
         load_materials(path)
-    assert caught.value.code == "AC070"
 
 
 @pytest.mark.parametrize("text", ["", "# only a comment\n", "name,k_c11,z,source\n"])
 def test_empty_tables(tmp_path: Path, text: str) -> None:
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC070"):
         load_materials(written(tmp_path, text))
-    assert caught.value.code == "AC070"
 
 
 def test_second_material_of_the_library() -> None:

@@ -22,6 +22,7 @@ from acausal.library.rotational import (
     OneWayClutch,
 )
 from acausal.library.translational import SupportFriction
+from tests.expected import fails_with
 
 
 class Shaft(Component):
@@ -231,8 +232,7 @@ def test_sliding_ends_at_the_common_speed() -> None:
 
 def test_it_cannot_start_backwards() -> None:
     """w_rel = -1 rad/s went on for ever, as if that were locked."""
-    with pytest.raises(AcausalError) as error:
+    with fails_with(AcausalError, "AC503") as error:
         acausal.simulate(acausal.compile(Pair(), parameters={"w": -1.0}), stop_time=1.0)
-    assert error.value.code == "AC503"
     assert "w_rel >= 0" in str(error.value)
     assert "clutch" in str(error.value)

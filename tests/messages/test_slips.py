@@ -24,6 +24,7 @@ from acausal import (
 )
 from acausal.errors import RunError
 from acausal.library import multibody, rotational
+from tests.expected import fails_with
 from tests.messages.cases import Case, Corpus
 
 corpus = Corpus()
@@ -282,9 +283,8 @@ def test_message(case: Case) -> None:
 
 @pytest.mark.parametrize("model", [rotational.Inertia, rotational.Inertia(J=1.0)])
 def test_a_step_is_that_of_a_compiled_model(model: Any) -> None:
-    with pytest.raises(AcausalError, match="Inertia is no compiled model") as caught:
+    with fails_with(AcausalError, "AC028", match="Inertia is no compiled model") as caught:
         acausal.step_function(model, 1e-3)
-    assert caught.value.code == "AC028"
     assert "acausal.compile" in (caught.value.help or "")
 
 
@@ -353,9 +353,8 @@ def test_a_loop_that_cannot_close_is_named_with_its_gap(
     base, coupler, rocker = others
     gap = math.hypot(base - crank * math.cos(angle), crank * math.sin(angle)) - coupler - rocker
 
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC301") as caught:
         acausal.simulate(FourBar(lengths=(base, crank, coupler, rocker), start=(angle, 0.0, 0.0)), stop_time=0.1)
-    assert caught.value.code == "AC301"
     found = re.search(r"no start satisfies `.*last\.frame_b\.r_0.*`: it is off by ([\d.]+)", caught.value.fact)
     assert found is not None, caught.value
     assert float(found[1]) == pytest.approx(gap, rel=1e-4)
@@ -384,10 +383,8 @@ def test_a_mechanism_that_is_stretched_out_is_named_by_its_loop() -> None:
     base, crank, coupler, rocker = 2.0, 1.5, 1.0, 1.0
     angle = math.acos((base**2 + crank**2 - (coupler + rocker) ** 2) / (2.0 * base * crank))
     model = DrivenFourBar(lengths=(base, crank, coupler, rocker), start=(0.3, 1.0, -2.5))
-    with pytest.raises(RunError) as caught:
+    with fails_with(RunError, "AC402", "last.frame_b.r_0") as caught:
         acausal.simulate(model, stop_time=3.0, solver="rosenbrock")
-    assert caught.value.code == "AC402"
-    assert "last.frame_b.r_0" in caught.value.fact
     assert "self.last = " in caught.value.where[0].text
     stopped = re.search(r"stopped at t = ([\d.]+) s", caught.value.fact)
     assert stopped is not None

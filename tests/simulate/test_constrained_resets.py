@@ -36,6 +36,7 @@ from acausal.library.multibody import (
     RevolutePlanarLoopConstraint,
     World,
 )
+from tests.expected import fails_with
 
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk"]
 Action = Callable[[Any], Any]
@@ -123,9 +124,8 @@ def test_all_given_are_taken_as_they_are() -> None:
 )
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
 def test_what_is_open_or_impossible_is_refused(actions: list[Action], names: list[str], solver: str) -> None:
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC508") as caught:
         acausal.simulate(kicked(*actions), stop_time=6.0, output_interval=3.0, solver=solver)
-    assert caught.value.code == "AC508"
     for text in names:
         assert text in str(caught.value)
 
@@ -138,9 +138,8 @@ FORMS: dict[str, Callable[[Component], object]] = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_forms_that_carry_events_refuse_it(form: str) -> None:
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC608"):
         FORMS[form](kicked(lambda s: reset(s.v, 2.0)))
-    assert caught.value.code == "AC608"
 
 
 class Loop(Component):
@@ -191,9 +190,8 @@ def test_a_crank_that_is_given_a_speed_turns_its_loop() -> None:
 
 def test_a_loop_of_two_freedoms_leaves_it_open() -> None:
     points = ((0.0, 0.0), (0.1, 0.4), (0.5, 0.9), (0.9, 0.7), (1.0, 0.0))
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC508") as caught:
         acausal.simulate(Loop(points=points), stop_time=0.4, output_interval=0.2)
-    assert caught.value.code == "AC508"
     assert "joints[1].w" in str(caught.value)
 
 

@@ -26,6 +26,7 @@ from acausal import (
     where,
 )
 from acausal.errors import AcausalError
+from tests.expected import fails_with
 
 Law = Callable[["Pair", Any], Any]
 
@@ -164,9 +165,8 @@ JUMPING: dict[str, Callable[[Shaft], Any]] = {
 def test_a_constraint_that_changes_by_a_jump_is_refused_when_it_does(name: str, solver: str) -> None:
     """Without an impulse on the first mass, momentum would come from nothing: 1*1 + 2*1 becomes 1*1 + 2*2."""
     law = JUMPING[name]
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC507") as caught:
         acausal.simulate(Shaft(law=law), stop_time=1.0, solver=solver)
-    assert caught.value.code == "AC507"
     assert "t = 0.5" in str(caught.value)
     before = acausal.simulate(Shaft(law=law), stop_time=0.4, solver=solver)
     assert before.final("w") == pytest.approx(1.0, abs=1e-6)
@@ -212,9 +212,8 @@ def test_a_factor_that_switches_a_constraint_on_is_refused(law: Callable[[Engage
     """Up to there the force is known; then nothing says it: 1 - k is zero (it was "the start", with other guesses)."""
     compiled = acausal.compile(Engaged(law=law), formulation=form)
     assert acausal.simulate(compiled, stop_time=0.4).final("v") <= 1.0
-    with pytest.raises(AcausalError) as caught:
+    with fails_with(AcausalError, "AC507") as caught:
         acausal.simulate(compiled, stop_time=1.0)
-    assert caught.value.code == "AC507"
     assert "says nothing about f after the event at t = 0.5 s" in str(caught.value)
     assert "start elsewhere" not in str(caught.value)
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from acausal.errors import InternalError
 from acausal.structure import Incidence, inverse, match, matching
+from tests.expected import fails_with
 from tests.structure.graphs import dense, generic_rank, graphs
 
 
@@ -38,9 +39,8 @@ def test_graph_without_rows(n_columns: int) -> None:
 
 @pytest.mark.parametrize("column", [-1, 2])
 def test_column_outside_is_a_defect_of_the_caller(column: int) -> None:
-    with pytest.raises(InternalError, match=f"names column .*{column}, outside 0 .. 1") as caught:
+    with fails_with(InternalError, "AC901", match=f"names column .*{column}, outside 0 .. 1"):
         Incidence.from_rows([[column]], 2)
-    assert caught.value.code == "AC901"
 
 
 def test_repr_shows_the_first_rows_only() -> None:
