@@ -10,7 +10,12 @@
    Rows and columns are numbered in the order of elimination (sparse_lu.py). */
 
 #define LU_GROWTH 1e3
+#define LU_LARGER(largest, value) \
+  if (!(fabs(value) <= largest)) largest = fabs(value);
+#define LU_ACCEPTED(bound, size, inverse) \
+  if (!((bound) <= LU_GROWTH * (size)) || !casadi_ivp_isfinite(inverse)) return 0;
 
+/* loops */
 static int acausal_lu(const casadi_real* a, casadi_real* lu, casadi_real* x) {
   casadi_real *l = lu, *u = l + lu_left[LU_ROWS], *inverse = u + lu_right[LU_ROWS], *largest = inverse + LU_ROWS;
   casadi_int i, j, k;
@@ -22,7 +27,7 @@ static int acausal_lu(const casadi_real* a, casadi_real* lu, casadi_real* x) {
     for (k = lu_given[i]; k < lu_given[i + 1]; ++k) {
       casadi_real entry = a[lu_given_from[k]];
       x[lu_given_at[k]] = entry;
-      if (!(fabs(entry) <= size)) size = fabs(entry);
+      LU_LARGER(size, entry)
     }
     for (k = lu_left[i]; k < lu_left[i + 1]; ++k) {
       casadi_int c = lu_left_at[k];
@@ -37,16 +42,14 @@ static int acausal_lu(const casadi_real* a, casadi_real* lu, casadi_real* x) {
     inverse[i] = 1 / x[i];
     for (k = lu_right[i]; k < lu_right[i + 1]; ++k) {
       u[k] = x[lu_right_at[k]];
-      if (!(fabs(u[k]) <= top)) top = fabs(u[k]);
+      LU_LARGER(top, u[k])
     }
     largest[i] = top;
-    bound += top;
-    if (!(bound <= LU_GROWTH * size) || !casadi_ivp_isfinite(inverse[i])) return 0;
+    LU_ACCEPTED(bound + top, size, inverse[i])
   }
   return 1;
 }
 
-#ifndef LU_WRITTEN_OUT
 static void acausal_lu_solve(const casadi_real* lu, casadi_real* v, casadi_real* x) {
   const casadi_real *l = lu, *u = l + lu_left[LU_ROWS], *inverse = u + lu_right[LU_ROWS];
   casadi_int i, k;
@@ -62,5 +65,4 @@ static void acausal_lu_solve(const casadi_real* lu, casadi_real* v, casadi_real*
     v[lu_order[i]] = x[i];
   }
 }
-#endif
 
