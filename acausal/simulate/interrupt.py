@@ -61,10 +61,12 @@ class Interruptible:
         return self._received if self._outer is None else self._outer.pressed
 
     def __enter__(self) -> Interruptible:
+        global _outermost
         if threading.current_thread() is threading.main_thread():
-            self._outer = _active_block()
+            self._outer = _outermost
             self.check()
             if self._outer is None:  # an inner block keeps the handlers of the outermost one
+                _outermost = self
                 self._installed = [number for number, usual in _HANDLERS.items() if signal.getsignal(number) is usual]
             for number in self._installed:
                 signal.signal(number, self._note)
@@ -77,6 +79,9 @@ class Interruptible:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        global _outermost
+        if _outermost is self:
+            _outermost = None
         for number in self._installed:
             signal.signal(number, _HANDLERS[number])
         if kind is None and self._outer is None:
@@ -87,6 +92,9 @@ class Interruptible:
         if self.pressed is not None:
             raise Terminated if self.pressed == signal.SIGTERM else KeyboardInterrupt
 
+
+_outermost: Interruptible | None = None
+"""The outermost block of the main thread."""
 
 Parameters = ParamSpec("Parameters")
 Answer = TypeVar("Answer")
@@ -114,13 +122,5 @@ def was_terminated(stop: KeyboardInterrupt) -> bool:
 
 
 def _pressed() -> int | None:
-    if threading.current_thread() is not threading.main_thread():
-        return None
-    active = _active_block()
-    return None if active is None else active.pressed
-
-
-def _active_block() -> Interruptible | None:
-    """The outermost block that handles signals now; None if there is none."""
-    owners = (getattr(signal.getsignal(number), "__self__", None) for number in _HANDLERS)
-    return next((owner for owner in owners if isinstance(owner, Interruptible)), None)
+    is_main = threading.current_thread() is threading.main_thread()
+    return _outermost.pressed if is_main and _outermost is not None else None
