@@ -61,6 +61,8 @@ _CLOSER = 0.25
 # of mesh points changes from piece to piece, and the one if each of them took a single step.
 _FEWEST_IN_RUN = 64
 _LEAST_CHANGE, _MOST_CHANGE = 0.25, 4.0
+# The factor by which later calls have more fixed steps; the first has few, as a doubt is most likely at a start.
+_FIXED_GROWTH = 256
 # The horizon of a piece in lengths of the last stretches, and in those of the stretch before it, and the fewest mesh
 # points up to there. One-step methods look less far ahead, which costs them nothing.
 _HORIZON, _GROWTH, _LEAST_POINTS = 8.0, 16.0, 64
@@ -215,7 +217,10 @@ class Search:
             first = self._first(task, part, length) if self.solver.multistep else 0.0
             part = replace(part, first=first, step_budget=_MOST_STEPS_AGAIN)
         elif segment.step is not None:
-            count = max(1, int(meshing.most_points(problem, fixed=True) * task.shrink))
+            most = meshing.most_points(problem, fixed=True)
+            if limit >= outputs[-1]:  # no earlier stretch shows how far it is to an event
+                most = min(most, task.most_points)
+            count = max(1, int(most * task.shrink))
             marks = meshing.stepped(here, outputs, limit, segment.step, count)
             return marks, replace(part, times=marks)
         else:
@@ -425,7 +430,12 @@ class Search:
 
     def _adapt(self, task: Task, times: Vector, piece: Piece, end: float) -> None:
         """Adapt the distance of mesh points to the steps of the last piece."""
-        if task.finer or not task.moment.regime.active_set.owners or task.segment.step is not None or len(times) < 2:
+        if task.finer or not task.moment.regime.active_set.owners:
+            return
+        if task.segment.step is not None:
+            task.most_points *= _FIXED_GROWTH
+            return
+        if len(times) < 2:
             return
         task.shrink, task.steps_allowed, task.most_points = 1.0, MOST_STEPS, 2 * task.most_points
         task.stops = task.stops + 1 if piece.stopped else 0
