@@ -10,8 +10,8 @@
    Rows and columns are numbered in the order of elimination (sparse_lu.py). */
 
 #define LU_GROWTH 1e3
-#define LU_LARGER(largest, value) \
-  if (!(fabs(value) <= largest)) largest = fabs(value);
+/* a maximum in one instruction, which is nan if the value is */
+#define LU_LARGER(largest, value) largest = largest > fabs(value) ? largest : fabs(value);
 #define LU_ACCEPTED(bound, size, inverse) \
   if (!((bound) <= LU_GROWTH * (size)) || !casadi_ivp_isfinite(inverse)) return 0;
 
