@@ -14,7 +14,7 @@ import acausal
 from acausal import Component, Equations, connect, fixed, guess, part
 from acausal.library import electrical, rotational, translational
 from acausal.library.blocks import Ramp, Sine, Step
-from tests.accuracy.msl_reference import error_of, read_example
+from tests.accuracy.msl_reference import errors, met
 
 
 class Oscillator(Component):
@@ -185,42 +185,21 @@ TOLERANCE = {
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_converged_solution_is_met(reference: Path, name: str) -> None:
-    example = read_example(reference / "msl" / name)
-    r = acausal.simulate(
-        EXAMPLES[name](),
-        stop_time=example.stop_time,
-        tolerance=TOLERANCE.get(name, 1e-8),
-        output_interval=example.interval,
-    )
-    errors = error_of(r, example)
-    assert max(errors.values()) <= 1e-5, errors
+    met(EXAMPLES[name](), reference / "msl" / name, tolerance=TOLERANCE.get(name, 1e-8))
 
 
 @pytest.mark.parametrize("solver", ["cvodes", "rosenbrock", "erk"])
 @pytest.mark.parametrize("name", ["Translational_InitialConditions", "Electrical_CauerLowPassAnalog"])
 def test_other_solvers_meet_it_too(reference: Path, name: str, solver: str) -> None:
-    example = read_example(reference / "msl" / name)
-    r = acausal.simulate(
-        EXAMPLES[name](),
-        stop_time=example.stop_time,
-        tolerance=1e-8,
-        output_interval=example.interval,
-        solver=solver,
-    )
-    errors = error_of(r, example)
-    assert max(errors.values()) <= 1e-5, errors
+    met(EXAMPLES[name](), reference / "msl" / name, solver=solver)
 
 
 @pytest.mark.parametrize("name", ["Translational_Oscillator", "Electrical_CauerLowPassAnalog"])
 def test_the_error_follows_the_tolerance(reference: Path, name: str) -> None:
-    example = read_example(reference / "msl" / name)
-    model = acausal.compile(EXAMPLES[name]())
-    errors = []
+    model, worst = acausal.compile(EXAMPLES[name]()), []
     for tolerance in (1e-4, 1e-6, 1e-8):
         # with idas: at its outputs the default is as exact as the data at all of these tolerances
-        r = acausal.simulate(
-            model, stop_time=example.stop_time, tolerance=tolerance, output_interval=example.interval, solver="idas"
-        )
-        errors.append(max(error_of(r, example).values()))
-    assert errors == sorted(errors, reverse=True)
-    assert math.log10(errors[0] / errors[-1]) > 2.0, errors
+        found = errors(model, reference / "msl" / name, tolerance=tolerance, solver="idas")[1]
+        worst.append(max(found.values()))
+    assert worst == sorted(worst, reverse=True)
+    assert math.log10(worst[0] / worst[-1]) > 2.0, worst

@@ -17,7 +17,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, connect, part, sin, time, where
 from acausal.library import blocks, rotational, translational
-from tests.accuracy.msl_reference import error_of, read_example
+from tests.accuracy.msl_reference import met
 
 
 class Friction(Component):
@@ -118,10 +118,7 @@ def test_published_solution_and_modes_are_met(
     reference: Path, name: str, model: type[Component], modes: tuple[str, ...]
 ) -> None:
     folder = reference / "msl" / name
-    example = read_example(folder, "reference.csv")
-    r = acausal.simulate(model(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval)
-    errors = {k: e for k, e in error_of(r, example).items() if k not in modes}
-    assert max(errors.values()) <= 2e-3, errors
+    r = met(model(), folder, 2e-3, file="reference.csv", without=modes)
     for mode in modes:
         found, expected = sequence(r, mode), changes(folder, mode)
         assert [m for _, m in found] == [m for _, m in expected], (mode, found, expected)
@@ -129,8 +126,5 @@ def test_published_solution_and_modes_are_met(
 
 
 def test_one_way_clutch_meets_the_converged_solution(reference: Path) -> None:
-    example = read_example(reference / "msl" / "Rotational_OneWayClutch")
-    r = acausal.simulate(OneWayClutch(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval)
-    errors = error_of(r, example)
-    assert max(errors.values()) <= 1e-5, errors
+    r = met(OneWayClutch(), reference / "msl" / "Rotational_OneWayClutch")
     assert r["oneWayClutch.w_rel"].min() > -1e-7

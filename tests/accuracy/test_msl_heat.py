@@ -6,7 +6,6 @@ forms; the limits are those of the data's README.
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import pytest
 import acausal
 from acausal import Component, Equations, Real, connect, fixed, no_event, parameter, part, structural, time, where
 from acausal.library import blocks, electrical, rotational, thermal
-from tests.accuracy.msl_reference import error_of, read_example
+from tests.accuracy.msl_reference import met
 
 
 class TwoMasses(Component):
@@ -179,17 +178,13 @@ def test_a_linear_block_is_solved_whatever_the_sign_of_its_pivot_far_away() -> N
 @pytest.mark.parametrize("model", [HeatingRectifier, ShowSaturatingInductor, EddyCurrentBrake])
 def test_converged_examples(model: type[Component], reference: Path) -> None:
     domain = "Rotational" if model is EddyCurrentBrake else "Electrical"
-    example = read_example(reference / "msl" / f"{domain}_{model.__name__}")
-    r = acausal.simulate(model(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval)
-    errors = error_of(r, example, {"eddyCurrentTorque.lossPower": "eddyCurrentTorque.loss_power"})
-    assert max(errors.values()) < 1e-5, errors
+    renamed = {"eddyCurrentTorque.lossPower": "eddyCurrentTorque.loss_power"}
+    met(model(), reference / "msl" / f"{domain}_{model.__name__}", renamed=renamed)
 
 
 def test_two_masses(reference: Path) -> None:
     """Within the library's limit of the published curves, and on T = 323.15 +- 50 exp(-4 t/3)."""
-    example = read_example(reference / "msl" / "Heat_TwoMasses", "reference.csv")
-    r = acausal.simulate(TwoMasses(), stop_time=1.0, tolerance=1e-8, output_interval=example.interval)
-    assert max(error_of(r, example).values()) < 2e-3
+    r = met(TwoMasses(), reference / "msl" / "Heat_TwoMasses", 2e-3, file="reference.csv")
     assert r["mass1.T"] == pytest.approx(323.15 + 50.0 * np.exp(-4.0 * r.time / 3.0), abs=1e-6)
     assert r["mass2.T"] == pytest.approx(323.15 - 50.0 * np.exp(-4.0 * r.time / 3.0), abs=1e-6)
 
@@ -197,12 +192,6 @@ def test_two_masses(reference: Path) -> None:
 @pytest.mark.parametrize(("model", "folder"), [(Motor, "Heat_Motor"), (ChuaCircuit, "Electrical_ChuaCircuit")])
 def test_examples_without_a_published_run(model: type[Component], folder: str, reference: Path) -> None:
     """Chua's circuit at 1e-11: two independent integrations agree to 1e-6 there; looser ones part before the end."""
-    with (reference / "msl" / folder / "converged.csv").open(newline="") as file:
-        names, *rows = csv.reader(file)
-    data = np.array(rows, dtype=float)
     tolerance = 1e-11 if model is ChuaCircuit else 1e-8
     solver = "rosenbrock" if model is ChuaCircuit else None
-    r = acausal.simulate(model(), stop_time=data[-1, 0], tolerance=tolerance, output_interval=data[1, 0], solver=solver)
-    for k, name in enumerate(names[1:], 1):
-        error = float(np.max(np.abs(r.at(data[:, 0], name) - data[:, k])) / np.ptp(data[:, k]))
-        assert error < 1e-5, (name, error)
+    met(model(), reference / "msl" / folder, tolerance=tolerance, solver=solver)

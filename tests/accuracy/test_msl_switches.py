@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-import acausal
 from acausal import Component, Equations, connect, part
 from acausal.library import blocks, electrical
-from tests.accuracy.msl_reference import error_of, read_example
+from tests.accuracy.msl_reference import met
 
 
 class SwitchWithArc(Component):
@@ -68,19 +67,11 @@ class DiodeBridge2Pulse(Component):
 
 
 def test_switch_with_arc_meets_the_converged_solution(reference: Path) -> None:
-    example = read_example(reference / "msl" / "Electrical_SwitchWithArc")
-    r = acausal.simulate(SwitchWithArc(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval)
-    errors = error_of(r, example)
-    assert max(errors.values()) <= 1e-5, errors
+    met(SwitchWithArc(), reference / "msl" / "Electrical_SwitchWithArc")
 
 
 def test_diode_bridge_meets_the_published_solution_and_the_closed_form(reference: Path) -> None:
-    example = read_example(reference / "msl" / "Electrical_DiodeBridge2Pulse", "reference.csv")
-    r = acausal.simulate(
-        DiodeBridge2Pulse(), stop_time=example.stop_time, tolerance=1e-8, output_interval=example.interval
-    )
-    errors = error_of(r, example)
-    assert max(errors.values()) <= 2e-3, errors
+    r = met(DiodeBridge2Pulse(), reference / "msl" / "Electrical_DiodeBridge2Pulse", 2e-3, file="reference.csv")
     # the means of a rectified sine, with 2e-5 Ohm of the diodes in series with 20 Ohm: README of the data
     assert r.final("meanVoltage.y") == pytest.approx(99.0347, abs=1e-4)
     assert r.final("meanCurrent.y") == pytest.approx(4.95173, abs=1e-5)
