@@ -123,20 +123,7 @@ def variable(
     overconstrained: bool = False,
 ) -> Any:
     """An unknown of the model; in a connector, a potential: equal in all connected connectors."""
-    return _declare(
-        Kind.VARIABLE,
-        unit=unit,
-        doc=doc,
-        shape=shape,
-        default=default,
-        nominal=nominal,
-        min=min,
-        max=max,
-        prefer_state=prefer_state,
-        hint=hint,
-        monotone_above=monotone_above,
-        overconstrained=overconstrained,
-    )
+    return _declare(Kind.VARIABLE, **locals())
 
 
 @_by_keyword
@@ -145,11 +132,7 @@ def discrete(*, unit: str = "", doc: str = "", shape: Sizes = (), default: Any =
 
     An equation with the variable alone on its left assigns it too: `yield self.n == where(...)`.
     """
-    start = Fixed(0.0) if default is None else default
-    start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
-    return _declare(
-        Kind.VARIABLE, unit=unit, doc=doc, shape=shape, default=start, nominal=nominal, prefer_state=True, discrete=True
-    )
+    return _held(default, shape, doc, unit=unit, nominal=nominal)
 
 
 @_by_keyword
@@ -159,13 +142,13 @@ def boolean(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     An equation assigns it, `yield self.on == (self.x > 1)`, or a `when(..., reset(self.on, True))`. `default` is its
     value before the start, False if not given.
     """
-    return _discrete(Kind.VARIABLE, default, shape, doc, boolean=True)
+    return _held(default, shape, doc, boolean=True)
 
 
 @_by_keyword
 def integer(*, default: Any = None, shape: Sizes = (), doc: str = "") -> Any:
     """An integer variable that changes at events only; assigned like a `boolean`. Starts at 0."""
-    return _discrete(Kind.VARIABLE, default, shape, doc, integer=True)
+    return _held(default, shape, doc, integer=True)
 
 
 @_by_keyword
@@ -180,10 +163,12 @@ def boolean_output(*, shape: Sizes = (), doc: str = "") -> Any:
     return Declaration(Kind.OUTPUT, **_sizes(shape), doc=doc, discrete=True, boolean=True)
 
 
-def _discrete(kind: Kind, default: Any, shape: Sizes, doc: str, **rest: Any) -> Declaration:
+def _held(default: Any, shape: Sizes, doc: str, unit: str = "", **rest: Any) -> Any:
+    """A discrete variable, which starts at 0 if no default is given."""
     start = Fixed(0.0) if default is None else default
     start = start if isinstance(start, Fixed | Guess) or callable(start) else Fixed(start)
-    return Declaration(kind, **_sizes(shape), doc=doc, default=start, prefer_state=True, discrete=True, **rest)
+    kept: dict[str, Any] = {"default": start, "prefer_state": True, "discrete": True, **rest}
+    return _declare(Kind.VARIABLE, unit=unit, shape=shape, doc=doc, **kept)
 
 
 def _sizes(shape: Sizes) -> dict[str, Any]:
@@ -209,7 +194,7 @@ def checked_shape(shape: Shape | int, owner: str = "") -> Shape:
 @_by_keyword
 def flow(*, unit: str = "", doc: str = "", shape: Sizes = (), nominal: float = 1.0, hint: str = "") -> Any:
     """A connector variable that sums to zero over a connection, positive into the component."""
-    return _declare(Kind.FLOW, unit=unit, doc=doc, shape=shape, nominal=nominal, hint=hint)
+    return _declare(Kind.FLOW, **locals())
 
 
 @_by_keyword
@@ -229,9 +214,7 @@ def signal_input(
     In the outermost component it is an input of the model: `simulate(inputs={...})`. There a number as `default` is its
     value without data, values outside `min ... max` are refused, and optimal control uses these bounds.
     """
-    return _declare(
-        Kind.INPUT, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max, hint=hint
-    )
+    return _declare(Kind.INPUT, **locals())
 
 
 @_by_keyword
@@ -244,7 +227,7 @@ def signal_output(
     monotone_above: float | None = None,
 ) -> Any:
     """A signal that the component computes; connect it to a `signal_input`."""
-    return _declare(Kind.OUTPUT, unit=unit, doc=doc, shape=shape, nominal=nominal, monotone_above=monotone_above)
+    return _declare(Kind.OUTPUT, **locals())
 
 
 @_by_keyword
@@ -262,7 +245,7 @@ def parameter(
 
     `default` may be a function of the instance: `parameter(default=lambda self: self.d / 2)`.
     """
-    return _declare(Kind.PARAMETER, unit=unit, doc=doc, shape=shape, default=default, nominal=nominal, min=min, max=max)
+    return _declare(Kind.PARAMETER, **locals())
 
 
 @_by_keyword

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from acausal.arrays import Vector
+from acausal.arrays import Complex, Vector
 from acausal.errors import IntegrationError
 from acausal.result.result import Result
 from acausal.simulate.equations.problem import Problem
@@ -155,14 +155,20 @@ def participation(matrix: Vector, mode: complex) -> Vector:
     They are |left eigenvector entry * right eigenvector entry|, which does not depend on units, normalised to a sum of
     1; shape (n,). Source: I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE Trans. PAS-101 (1982) 3117.
     """
+    right, left = eigenvectors(matrix, mode)
+    factors = np.abs(left.conj() * right)
+    total = float(factors.sum())
+    return np.asarray(factors / total if total > 0.0 else np.full(len(factors), 1.0 / len(factors)))
+
+
+def eigenvectors(matrix: Vector, mode: complex) -> tuple[Complex, Complex]:
+    """Right and left eigenvector, shape (n,), of the eigenvalue nearest to `mode`."""
     from scipy.linalg import eig
 
     decomposition: Any = eig(matrix, left=True, right=True)
     values, left, right = decomposition
     k = int(np.argmin(np.abs(values - mode)))
-    factors = np.abs(left[:, k].conj() * right[:, k])
-    total = float(factors.sum())
-    return np.asarray(factors / total if total > 0.0 else np.full(len(factors), 1.0 / len(factors)))
+    return right[:, k], left[:, k]
 
 
 def _text(mode: complex) -> str:

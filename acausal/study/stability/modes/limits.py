@@ -7,7 +7,6 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from acausal.simulate.equations.problem import Problem
 from acausal.simulate.solvers import solver_named
 from acausal.simulate.solvers.segment import Segment, Tolerances
 from acausal.simulate.step_limit.amplification import METHODS, Method
+from acausal.simulate.step_limit.limit import eigenvectors
 from acausal.simulate.step_limit.state_matrix import LARGEST_DENSE, StateMatrix
 from acausal.study.stability.modes.modes import Local, Mode, mode
 from acausal.study.stability.trajectory import Point, Trajectory
@@ -133,7 +133,7 @@ def _verify(
     found = matrix.at(point.t, point.x, point.z, point.m)
     if found is None:
         return None
-    right, left = _vectors(found, eigenvalue)
+    right, left = eigenvectors(found, eigenvalue)
     predicted = float(np.abs(method.amplification(step * eigenvalue)))
     # enough steps for a factor of a hundred either way, within limits
     steps = int(np.clip(math.log(100.0) / max(abs(math.log(max(predicted, 1e-12))), 1e-12), 4, _MOST_STEPS))
@@ -175,16 +175,6 @@ def _measured_growth(
     if before == 0.0 or not np.isfinite(after) or after == 0.0:
         return None
     return float(abs(complex(after / before)) ** (1.0 / steps))
-
-
-def _vectors(matrix: Vector, eigenvalue: complex) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Right and left eigenvector, shape (n,), of the eigenvalue closest to the given one."""
-    from scipy.linalg import eig
-
-    found: Any = eig(matrix, left=True, right=True)
-    values, left, right = found
-    k = int(np.argmin(np.abs(values - eigenvalue)))
-    return right[:, k], left[:, k]
 
 
 def _end(problem: Problem, method: Method, point: Point, step: float, steps: int) -> Vector | None:
