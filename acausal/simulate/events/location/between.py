@@ -122,21 +122,12 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
 
     `times`, `g`: The instants, and the guards there; shapes (n + 1,) and (n + 1, guards).
 
-    If there are many instants, blocks of them in which a guard moves by less than its distance from zero are left out,
-    or the guard gets the bound inf. With the largest change r between neighbours and the largest ratio q of the lengths
-    of adjacent intervals, parabolas of `lower_bounds` are below the least value by at most 3/4 q r, lines by q r, and
-    lines with their curvature by (q + 2 q^3) r.
+    If there are many instants, blocks of them in which a guard is not near zero are left out, or the guard gets the
+    bound inf.
     """
     if len(g) < _MANY:
         return np.arange(len(g) - 1), lower_bounds(times, g)
-    starts = np.arange(0, len(g) - 1, _BLOCK)
-    h = np.diff(times)
-    uneven = np.ones(len(h))
-    uneven[1:] = np.maximum(h[1:] / h[:-1], h[:-1] / h[1:])
-    ratio = _around(np.maximum, uneven, starts)[:, None]
-    least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
-    with np.errstate(invalid="ignore"):  # nan counts as near zero
-        near = ~(least > (ratio + 2.0 * ratio**3) * (most - least))
+    h, near = np.diff(times), _near_blocks(times, g)
     ends = np.flatnonzero(np.diff(near.any(axis=1), prepend=False, append=False)).reshape(-1, 2)
     rows, found = [np.zeros(0, dtype=np.intp)], [np.zeros((0, g.shape[1]))]
     for first, last in ends.tolist():
@@ -148,6 +139,30 @@ def lowest(times: Vector, g: Vector) -> tuple[NDArray[np.intp], Vector]:
         found.append(np.full((right - left, g.shape[1]), np.inf))
         found[-1][:, columns] = lows[left - before : right - before]
     return np.concatenate(rows), np.vstack(found)
+
+
+def near_zero(times: Vector, g: Vector) -> NDArray[np.intp]:
+    """Intervals between the instants, without blocks of many of them in which no guard is near zero."""
+    if len(g) < _MANY:
+        return np.arange(len(g) - 1)
+    return np.flatnonzero(np.repeat(_near_blocks(times, g).any(axis=1), _BLOCK)[: len(g) - 1])
+
+
+def _near_blocks(times: Vector, g: Vector) -> Truth:
+    """Whether a guard may have a zero in each block of intervals; shape (blocks, guards).
+
+    It has none where it moves by less than its distance from zero. With the largest change r between neighbours and the
+    largest ratio q of the lengths of adjacent intervals, parabolas of `lower_bounds` are below the least value by at
+    most 3/4 q r, lines by q r, lines with their curvature by (q + 2 q^3) r, and a value at the rate of the interval
+    before by q r.
+    """
+    starts, h = np.arange(0, len(g) - 1, _BLOCK), np.diff(times)
+    uneven = np.ones(len(h))
+    uneven[1:] = np.maximum(h[1:] / h[:-1], h[:-1] / h[1:])
+    ratio = _around(np.maximum, uneven, starts)[:, None]
+    least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
+    with np.errstate(invalid="ignore"):  # nan counts as near zero
+        return np.asarray(~(least > (ratio + 2.0 * ratio**3) * (most - least)))
 
 
 def _around(extreme: np.ufunc, values: Vector, starts: NDArray[np.intp]) -> Vector:

@@ -355,15 +355,19 @@ class Search:
             # with two neighbours beyond the one that is passed, which show how guards bend
             until = last + 1 + int(np.isfinite(mesh.judged[last + 1 : last + 3]).all(axis=1).cumprod().sum())
             intervals, lows = lowest(mesh.times[:until], mesh.judged[:until])
-            bounds = turning(self.guards, task, mesh, piece, rows, min(last, len(mesh.times) - 1))
-            known = intervals < len(bounds)
-            bounds[intervals[known]] = np.fmin(bounds[intervals[known]], lows[known])
-            ahead = task.are_ahead(mesh)[: len(bounds) + 1]
-            may_pass = (bounds < 0.0) & ahead[:-1] & ahead[1:]
-            may_pass[: mesh.start] = False
-            for row in np.flatnonzero(may_pass.any(axis=1)).tolist():
-                if self._is_significant(task, mesh, row, bounds[row], may_pass[row], piece, rows):
-                    return row, False
+            count = min(last, len(mesh.times) - 1)
+            turns, dips = turning(self.guards, task, mesh, piece, rows, count)
+            known = intervals < count
+            if (lows[known] < 0.0).any() or (dips < 0.0).any():
+                bounds = np.full((count, lows.shape[1]), np.inf)
+                bounds[turns] = dips
+                bounds[intervals[known]] = np.fmin(bounds[intervals[known]], lows[known])
+                ahead = task.are_ahead(mesh)[: count + 1]
+                may_pass = (bounds < 0.0) & ahead[:-1] & ahead[1:]
+                may_pass[: mesh.start] = False
+                for row in np.flatnonzero(may_pass.any(axis=1)).tolist():
+                    if self._is_significant(task, mesh, row, bounds[row], may_pass[row], piece, rows):
+                        return row, False
         return (last - 1, True) if is_passed else None
 
     def _swings(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import Guards
+from acausal.simulate.events.location.between import near_zero
 from acausal.simulate.events.location.task import Mesh, Task
 from acausal.simulate.solvers.segment import Piece
 
@@ -23,34 +24,39 @@ _CUBIC_ERROR = 0.0625
 _MOST_CHANGE = 1e3
 
 
-def turning(guards: Guards, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64], last: int) -> Vector:
-    """Lower bounds of guards in the intervals up to mesh point `last`, inf where they do not turn; (last, guards)."""
-    values, h = mesh.values[: last + 1], np.diff(mesh.times[: last + 1])[:, None]
-    p, q = values[:-1], values[1:]
-    bounds = np.full(p.shape, np.inf)
+def turning(
+    guards: Guards, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64], last: int
+) -> tuple[NDArray[np.intp], Vector]:
+    """Intervals up to mesh point `last` in which guards may turn, shape (m,), and lower bounds there, inf where not.
+
+    The bounds have shape (m, guards).
+    """
+    times, values = mesh.times[: last + 1], mesh.values[: last + 1]
+    near, h = np.union1d(0, near_zero(times, values)), np.diff(times)[:, None]
+    near = near[near >= mesh.start]
+    p, q, earlier = values[near], values[near + 1], np.maximum(near - 1, 0)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        change = np.abs(q - p)
-        before = np.vstack([np.abs(task.start.rates)[None] * h[:1], change[:-1] / h[:-1] * h[1:]])
+        change, before = np.abs(q - p), np.abs(p - values[earlier]) / h[earlier] * h[near]
+        before[near == 0] = np.abs(task.start.rates) * h[0]
         may = (p > 0.0) & (q > 0.0) & ~((change + before < p) & (change + before < q))
-        may[: mesh.start] = False
-        if mesh.times[0] == task.start.time:
-            may[0] &= ~task.start.leaving  # judged by their mean rates
-        near = np.flatnonzero(may.any(axis=1))
+        if times[0] == task.start.time:
+            may[near == 0] &= ~task.start.leaving  # judged by their mean rates
+        found = np.flatnonzero(may.any(axis=1))
+        near, p, q, may = near[found], p[found], q[found], may[found]
         if not len(near):
-            return bounds
-        ends = np.unique(np.concatenate([near, near + 1]))
-        rates, away = np.full(values.shape, np.nan), np.zeros(values.shape, dtype=bool)
-        x = np.column_stack([task.segment.x, piece.x[:, rows]])
-        z = np.column_stack([task.segment.z, piece.z[:, rows]])
-        for k in ends.tolist():
-            at = replace(task.moment, x=x[:, k - mesh.start], z=z[:, k - mesh.start])
+            return near, p
+        ends, at_end = np.unique(np.concatenate([near, near + 1]), return_inverse=True)
+        rates, away = np.zeros((len(ends), p.shape[1])), np.zeros((len(ends), p.shape[1]), dtype=bool)
+        for k, end in enumerate(ends.tolist()):
+            row = None if end == mesh.start else rows[end - mesh.start - 1]
+            x, z = (task.segment.x, task.segment.z) if row is None else (piece.x[:, row], piece.z[:, row])
             # errors between steps, in which a current through 1e-5 Ohm turns, although it does not at their ends
-            rates[k], noise = guards.rates(float(mesh.times[k]), at, between=True)
-            away[k] = values[k] > noise
-        a, b = rates[near] * h[near], rates[near + 1] * h[near]
-        known = may[near] & away[near] & away[near + 1]
-        bounds[near] = np.where(known, _lowest(p[near], a, q[near], b), np.inf)
-    return bounds
+            at = replace(task.moment, x=x, z=z)
+            rates[k], noise = guards.rates(float(times[end]), at, between=True)
+            away[k] = values[end] > noise
+        first, second = at_end.reshape(2, -1)
+        bounds = _lowest(p, rates[first] * h[near], q, rates[second] * h[near])
+        return near, np.where(may & away[first] & away[second], bounds, np.inf)
 
 
 def _lowest(p: Vector, a: Vector, q: Vector, b: Vector) -> Vector:
