@@ -60,7 +60,7 @@ def _pattern(rng: np.random.Generator, n: int) -> ca.Sparsity:
 
 @pytest.mark.parametrize("n", [13, 45])
 def test_what_is_accepted_is_backward_stable_in_each_row(n: int) -> None:
-    """Of 13 rows the solution is written out, of 45 it is not."""
+    """Of 13 rows factorisation and solution are written out, of 45 they are not."""
     rng = np.random.default_rng(3)
     pattern = _pattern(rng, n)
     solve = _solver(pattern)

@@ -156,7 +156,7 @@ class Hybrid:
 
     def moved(self, x: Vector, z: Vector, m: Vector) -> None:
         """Take over values that were computed elsewhere."""
-        self.moment = replace(self.reached, x=x, z=z, m=m)
+        self.moment = Moment(x, z, m, self.reached.regime)
 
     def event_loop(self, schedule: Schedule) -> EventLoop | None:
         """The compiled event loop over a schedule of this run, or None if it does not suit."""
