@@ -19,6 +19,7 @@ from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.pendulum import Pendulum
 from acausal.models.rc_ladder import RCLadder
 from acausal.simulate.native import cache
+from tests.stepping import walk
 
 needs_compiler = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler")
 
@@ -40,10 +41,7 @@ class Driven(Component):
 
 def end(method: str, h: float, formulation: str = "torn", stop: float = 2.0) -> float:
     step = step_function(acausal.compile(Pendulum(), formulation=formulation), h, method)
-    x = np.array(step.x.start)
-    for _ in range(round(stop / h)):
-        x = np.array(step.function(x, [], step.p.start)[0]).ravel()
-    return float(x[step.x.position("revolute.phi")])
+    return float(walk(step, round(stop / h))["revolute.phi"][-1])
 
 
 @pytest.mark.parametrize("formulation", ["torn", "dae"])
@@ -60,17 +58,15 @@ def test_time_and_algebraic_variables_travel_in_x_and_inputs_are_held() -> None:
     step = step_function(acausal.compile(Driven()), 0.01, "rk4", ["x", "q"])
     assert step.x.names == ("x", "q", "time")
     assert step.u.names == ("u",)
-    x = np.array(step.x.start)
-    y = np.zeros(0)
-    for _ in range(200):
-        new, y = step.function(x, [0.5], step.p.start)
-        x = np.array(new).ravel()
-    assert x[2] == pytest.approx(2.0)
+    found = {name: values[-1] for name, values in walk(step, 200, [0.5]).items()}
+    assert found["time"] == pytest.approx(2.0)
     run = acausal.simulate(Driven(), inputs={"u": 0.5}, tolerance=1e-11, solver="rosenbrock")
-    assert x[0] == pytest.approx(run.final("x"), abs=1e-8)
+    assert found["x"] == pytest.approx(run.final("x"), abs=1e-8)
     assert step.y.names == ("x", "q", "step.too_large", "step.unconverged", "step.error")
-    np.testing.assert_allclose(np.array(y).ravel()[:-1], [x[0], x[1], 0.0, 0.0], atol=1e-15)
-    assert x[1] + 0.1 * x[1] ** 3 == pytest.approx(x[0], abs=1e-14)
+    assert found["step.too_large"] == found["step.unconverged"] == 0.0
+    assert found["q"] + 0.1 * found["q"] ** 3 == pytest.approx(found["x"], abs=1e-14)
+    x, y = step.function(step.x.start, [0.5], step.p.start)
+    np.testing.assert_allclose(np.array(y).ravel()[:2], np.array(x).ravel()[:2], atol=1e-15)
 
 
 def test_a_stiff_method_stands_steps_far_beyond_the_explicit_limit() -> None:
@@ -78,10 +74,8 @@ def test_a_stiff_method_stands_steps_far_beyond_the_explicit_limit() -> None:
     model = acausal.compile(RCLadder(n=4))
     for method, stable in (("rosenbrock", True), ("sdirk", True), ("rk4", False)):
         step = step_function(model, 2.0, method)
-        x = np.array(step.x.start)
-        for _ in range(100):
-            x = np.array(step.function(x, [], step.p.start)[0]).ravel()
-        assert np.allclose(x, 1.0, atol=1e-6) == stable
+        found = walk(step, 100)
+        assert np.allclose([found[name][-1] for name in step.x.names], 1.0, atol=1e-6) == stable
 
 
 @pytest.mark.parametrize(("method", "limit"), [("rk2", 2.0), ("rk4", 2.785)])
@@ -136,12 +130,7 @@ def test_oscillations_are_unstable_where_the_stability_function_says_so(
     assert large == (math.log(size) > 0.003 * reach)
     compiled = acausal.compile(Oscillating(w=w, d=d))
     made = step_function(compiled, reach / w, method)
-    x, p = np.array(made.x.start), np.array(made.p.start)
-    flags = []
-    for _ in range(20):
-        x, y = (np.asarray(v).ravel() for v in made.function(x, [], p))
-        flags.append(y[made.y.position("step.too_large")])
-    assert flags == [large] * 20
+    assert walk(made, 20)["step.too_large"].tolist() == [large] * 20
     if method == "rk4":  # `casadi()` says the same
         model = compiled.casadi()
         assert float(model.too_large(model.x.start, [], model.p.start, reach / w)) == large
@@ -150,13 +139,7 @@ def test_oscillations_are_unstable_where_the_stability_function_says_so(
 def test_a_drill_passes_its_contact_in_steps_that_say_they_are_too_large() -> None:
     """`simulate` refuses 10 ms for this drill (AC405)."""
     step = step_function(acausal.compile(ThickBlock()), 0.01, "rk4", [])
-    x, said = np.array(step.x.start), 0.0
-    for _ in range(3000):
-        new, y = step.function(x, [], step.p.start)
-        x, said = np.array(new).ravel(), float(y[step.y.position("step.too_large")])
-        if said:
-            break
-    assert said == 1.0
+    assert walk(step, 3000)["step.too_large"].max() == 1.0
 
 
 @pytest.mark.parametrize("method", ["rk2", "rk4", "rosenbrock", "sdirk"])
@@ -182,13 +165,9 @@ def test_the_c_stands_alone_and_gives_the_same_numbers(tmp_path: Path) -> None:
     program = tmp_path / "main"
     subprocess.run([str(cache.compiler()), "-O1", "-o", program, tmp_path / "main.c", "-lm"], check=True)
     x0, y0 = map(float, subprocess.run([program], capture_output=True, text=True, check=True).stdout.split())
-    x = np.array(step.x.start)
-    y = np.zeros(0)
-    for _ in range(200):
-        new, y = step.function(x, [0.5], step.p.start)
-        x = np.array(new).ravel()
-    assert x0 == pytest.approx(x[0], rel=1e-14)
-    assert y0 == pytest.approx(float(y[0]), rel=1e-14)
+    found = walk(step, 200, [0.5])
+    assert x0 == pytest.approx(found[step.x.names[0]][-1], rel=1e-14)
+    assert y0 == pytest.approx(found[step.y.names[0]][-1], rel=1e-14)
 
 
 @needs_compiler
@@ -223,10 +202,8 @@ class Pulse(Component):
 @pytest.mark.parametrize("method", ["rk2", "rk4", "rosenbrock", "sdirk"])
 def test_switches_of_time_on_the_grid_are_exact(method: str) -> None:
     step = step_function(acausal.compile(Pulse()), 0.1, method)
-    x = np.array(step.x.start)
-    for k in range(1, 11):
-        x = np.array(step.function(x, [], step.p.start)[0]).ravel()
-        assert x[0] == pytest.approx(min(max(0.1 * k - 0.3, 0.0), 0.4), abs=1e-14)
+    expected = [min(max(0.1 * k - 0.3, 0.0), 0.4) for k in range(1, 11)]
+    assert walk(step, 10)[step.x.names[0]] == pytest.approx(expected, abs=1e-14)
 
 
 class Struck(Component):
@@ -244,8 +221,4 @@ class Struck(Component):
 def test_a_contact_within_a_step_is_too_stiff_for_it(method: str) -> None:
     # h w = 4.3 behind the touch, which lies 2.7 ms behind the start of its step; at the start there is no spring
     step = step_function(acausal.compile(Struck()), 0.0139, method)
-    x, flags = np.array(step.x.start), []
-    for _ in range(8):
-        x, y = (np.asarray(v).ravel() for v in step.function(x, [], step.p.start))
-        flags.append(y[step.y.position("step.too_large")])
-    assert flags == [0.0] * 7 + [1.0]
+    assert walk(step, 8)["step.too_large"].tolist() == [0.0] * 7 + [1.0]

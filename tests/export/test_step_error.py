@@ -33,17 +33,16 @@ from acausal import (
 )
 from acausal.export.step.source import StepFunction
 from acausal.simulate.native import cache
+from tests.stepping import walk
 
 METHODS = ("rk2", "rk4", "rosenbrock", "sdirk")
 
 
 def run(step: StepFunction, count: int) -> tuple[NDArray[np.float64], float, bool]:
     """(x after `count` steps, sum of the estimated errors, whether a flag was set)."""
-    x, p, total, flagged = np.array(step.x.start), np.array(step.p.start), 0.0, False
-    for _ in range(count):
-        x, y = (np.asarray(v).ravel() for v in step.function(x, [], p))
-        total, flagged = total + float(y[-1]), flagged or bool(y[:-1].any())
-    return x, total, flagged
+    found = walk(step, count)
+    x = np.array([found[name][-1] for name in step.x.names])
+    return x, float(found["step.error"].sum()), any(found[name].any() for name in step.y.names[:-1])
 
 
 class Struck(Component):
@@ -129,11 +128,9 @@ def test_errors_of_stiff_parts_are_not_multiplied_by_their_stiffness(method: str
     # the unresolved part of a step, h^2 / 8 of a chord, at most in each of 100; then with a transient of 0.1
     step = acausal.step_function(acausal.compile(Stiff()), 0.01, method, [])
     for start, most in ((1.0, 2e-3), (1.1, 1.0)):
-        x, p, total = np.array([start, 0.0]), step.p.start, 0.0
-        for _ in range(100):
-            x, y = (np.asarray(v).ravel() for v in step.function(x, [], p))
-            total += y[-1]
-        assert abs(x[0] - math.cos(1.0)) < total < most
+        first, second = step.x.names
+        found = walk(step, 100, start={first: start, second: 0.0})
+        assert abs(found[first][-1] - math.cos(1.0)) < found["step.error"].sum() < most
 
 
 class Layer(Component):
@@ -249,9 +246,6 @@ def test_c_tells_the_same(method: str, tmp_path: Path) -> None:
     program = tmp_path / "main"
     subprocess.run([str(cache.compiler()), "-O0", "-o", program, tmp_path / "main.c", "-lm"], check=True)
     told = [float(v) for v in subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()]
-    x, p, own = np.array(step.x.start), np.array(step.p.start), []
-    for _ in range(60):
-        x, y = (np.asarray(v).ravel() for v in step.function(x, [], p))
-        own.append(y[-1])
+    own = walk(step, 60)["step.error"]
     np.testing.assert_allclose(told, own, rtol=1e-9, atol=1e-15)
     assert min(own) > 0

@@ -47,6 +47,7 @@ from acausal.models.bouncing_ball import BouncingBall
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.simulate.native import cache
 from tests.expected import fails_with
+from tests.stepping import walk
 
 Vector = NDArray[np.float64]
 needs_compiler = pytest.mark.skipif(cache.compiler() is None, reason="no C compiler")
@@ -54,10 +55,8 @@ needs_compiler = pytest.mark.skipif(cache.compiler() is None, reason="no C compi
 
 def steps(step: StepFunction, count: int, u: tuple[float, ...] = ()) -> Vector:
     """x after each step, the start first."""
-    rows = [np.array(step.x.start)]
-    for _ in range(count):
-        rows.append(np.array(step.function(rows[-1], u, step.p.start)[0]).ravel())
-    return np.array(rows)
+    found = walk(step, count, u)
+    return np.vstack([step.x.start, np.column_stack([found[name] for name in step.x.names])])
 
 
 def flight(t: float, e: float = 0.7, g: float = 9.81, h0: float = 1.0) -> tuple[float, float, int]:
@@ -167,15 +166,9 @@ def test_samples_on_the_grid_are_exact(method: str, order: int) -> None:
 def test_time_does_not_drift_off_the_samples() -> None:
     # 0.01 s is no binary number: the sum of 10 million of them is off by 1e-4 steps and more
     step = step_function(acausal.compile(SampledPI()), 0.01, "rk4", [])
-    row = np.array(step.x.start)
-    row[step.x.position("time")] = 100_000.03
-    times = []
-    for _ in range(10):
-        before = row[step.x.position("held")]
-        row = np.array(step.function(row, [1.0], step.p.start)[0]).ravel()
-        if row[step.x.position("held")] != before:
-            times.append(round(row[step.x.position("time")] - 100_000, 9))
-    assert times == [0.05, 0.1]
+    found = walk(step, 10, [1.0], {"time": 100_000.03})
+    changes = np.diff(found["held"], prepend=step.x.start[step.x.position("held")]) != 0.0
+    assert np.round(found["time"][changes] - 100_000, 9).tolist() == [0.05, 0.1]
 
 
 class Coupling(Component):
@@ -298,14 +291,10 @@ class Passing(Component):
 def test_what_a_step_does_not_locate_is_said(kind: str, h: float, method: str) -> None:
     """The window is 0.53 +- 0.01: it lies in the step from 0.5 to 0.6. The flag is 1 in the one step that misses it."""
     step = step_function(acausal.compile(Passing(kind=kind)), h, method, ["y"])
-    x, said = step.x.start, []
-    for k in range(round(1.0 / h)):
-        x, y = step.function(x, [], step.p.start)
-        if float(y[step.y.position("step.unlocated")]):
-            said.append(k)
+    found = walk(step, round(1.0 / h))
     exact = 0.46 if kind == "one" else 0.02
-    is_right = abs(float(x[step.x.position("y")]) - exact) < 1e-6
-    assert said == ([] if is_right else [5])
+    is_right = abs(found["y"][-1] - exact) < 1e-6
+    assert np.flatnonzero(found["step.unlocated"]).tolist() == ([] if is_right else [5])
     assert is_right == (kind == "one" or h < 0.01)
     assert any("step.unlocated" in note for note in step.notes)
 
@@ -328,12 +317,9 @@ def test_guards_that_swing_within_a_step_are_said(swings: float, method: str) ->
     """`swings` periods to a step: with whole ones a guard and its rate are the same at both ends of each step."""
     h = 0.05
     step = step_function(acausal.compile(Swinging(w=2 * math.pi * swings / h)), h, method, ["y"])
-    x, said = step.x.start, 0.0
-    for _ in range(40):
-        x, y = step.function(x, [], step.p.start)
-        said += float(y[step.y.position("step.unlocated")])
-    off = abs(float(x[step.x.position("y")]) / (40 * h) - math.acos(0.9) / math.pi)
-    assert (said > 0.0) == (swings > 0.2)
+    found = walk(step, 40)
+    off, said = abs(found["y"][-1] / (40 * h) - math.acos(0.9) / math.pi), found["step.unlocated"].any()
+    assert said == (swings > 0.2)
     assert said or off < 0.01
 
 
@@ -365,15 +351,10 @@ class Timed(Component):
 def test_instants_within_a_step_are_said(h: float, at: float, first: float, expected: list[int], method: str) -> None:
     """What time alone decides is known exactly: a pulse of 4 ms was lost in a step of 0.1 s without a word."""
     step = step_function(acausal.compile(Timed()), h, method, ["y"])
-    x, said, p = step.x.start, [], np.array(step.p.start, dtype=float)
-    p[step.p.position("at")], p[step.p.position("first")] = at, first
-    for k in range(round(1.0 / h)):
-        x, y = step.function(x, [], p)
-        if float(y[step.y.position("step.unlocated")]):
-            said.append(k)
-    assert said == expected
+    found = walk(step, round(1.0 / h), p={"at": at, "first": first})
+    assert np.flatnonzero(found["step.unlocated"]).tolist() == expected
     if not expected:
-        assert float(x[step.x.position("y")]) == pytest.approx(4e-3, rel=1e-6)
+        assert found["y"][-1] == pytest.approx(4e-3, rel=1e-6)
     assert any("time events and clock ticks" in note for note in step.notes)
 
 
@@ -388,11 +369,7 @@ class Switched(Component):
 
 def test_instants_within_a_step_are_said_without_other_events() -> None:
     step = step_function(acausal.compile(Switched()), 0.1, "rk4", ["y"])
-    x, said = step.x.start, []
-    for _ in range(10):
-        x, y = step.function(x, [], step.p.start)
-        said.append(float(y[step.y.position("step.unlocated")]))
-    assert said == [0.0] * 5 + [1.0] + [0.0] * 4
+    assert walk(step, 10)["step.unlocated"].tolist() == [0.0] * 5 + [1.0] + [0.0] * 4
 
 
 class Elastic(Component):
@@ -411,8 +388,7 @@ def test_impacts_that_follow_each_other_within_a_step_are_flagged() -> None:
     """Its 28 ms between impacts are resolved by steps of 13 ms, and not by one of 50 ms, which puts it to rest."""
     for size, flagged in ((0.013, 0.0), (0.05, 1.0)):
         step = step_function(acausal.compile(Elastic()), size, "rk4", ["h"])
-        y = np.array(step.function(step.x.start, (), step.p.start)[1]).ravel()
-        assert y[step.y.names.index("step.unlocated")] == flagged
+        assert walk(step, 1)["step.unlocated"] == flagged
 
 
 class Halves(Component):
@@ -429,8 +405,7 @@ class Halves(Component):
 def test_an_integer_that_gets_a_fraction_is_nan(by: float, after: float) -> None:
     """Where a run ends with AC147."""
     step = step_function(acausal.compile(Halves(by=by)), 0.1, "rk4", [])
-    found = np.array(step.function(step.x.start, (), step.p.start)[0]).ravel()[step.x.names.index("n")]
-    assert found == pytest.approx(after, nan_ok=True)
+    assert walk(step, 1)["n"] == pytest.approx(after, nan_ok=True)
 
 
 @pytest.mark.parametrize(("by", "after"), [(1.0, 1.0), (1.5, math.nan)])
@@ -459,5 +434,4 @@ class Contradicting(Component):
 def test_clauses_that_contradict_each_other_are_said(other: float, unsettled: float) -> None:
     """Where a run ends with AC504."""
     step = step_function(acausal.compile(Contradicting(other=other)), 0.1, "rk4", [])
-    y = np.array(step.function(step.x.start, (), step.p.start)[1]).ravel()
-    assert y[step.y.names.index("step.unsettled")] == unsettled
+    assert walk(step, 1)["step.unsettled"] == unsettled

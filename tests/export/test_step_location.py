@@ -27,20 +27,15 @@ from acausal import (
     where,
 )
 from acausal.export.step.source import StepFunction
+from tests.stepping import walk
 
 
 def run(
     step: StepFunction, count: int, start: dict[str, float] | None = None
 ) -> tuple[NDArray[np.float64], list[bool]]:
     """(x after `count` steps, whether each step has located its events)."""
-    x, p = np.array(step.x.start), np.array(step.p.start)
-    for name, value in (start or {}).items():
-        x[step.x.position(name)] = value
-    flag, seen = step.y.position("step.unlocated"), []
-    for _ in range(count):
-        x, y = (np.asarray(v).ravel() for v in step.function(x, np.zeros(len(step.u)), p))
-        seen.append(not y[flag])
-    return x, seen
+    found = walk(step, count, [0.0] * len(step.u), start)
+    return np.array([found[name][-1] for name in step.x.names]), [not flag for flag in found["step.unlocated"]]
 
 
 class Thrown(Component):
@@ -156,12 +151,10 @@ class Asked(Component):
 def test_an_input_that_changes_acts_in_its_own_step() -> None:
     # inputs are held from the start of a step on: two steps of 0.1 s with 1 move by 0.2
     step = acausal.step_function(acausal.compile(Asked()), 0.1, "rk4")
-    x, p = np.array(step.x.start), np.array(step.p.start)
-    for u in (0.0, 1.0, 1.0, 0.0, 0.0, 1.0):
-        x, y = (np.asarray(v).ravel() for v in step.function(x, [u], p))
-        assert not y[step.y.position("step.unlocated")]
-    assert x[step.x.position("x")] == pytest.approx(0.3, abs=1e-12)
-    assert x[step.x.position("n")] == 2
+    found = walk(step, 6, [[0.0], [1.0], [1.0], [0.0], [0.0], [1.0]])
+    assert not found["step.unlocated"].any()
+    assert found["x"][-1] == pytest.approx(0.3, abs=1e-12)
+    assert found["n"][-1] == 2
 
 
 class Crest(Component):

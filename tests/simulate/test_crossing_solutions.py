@@ -30,6 +30,7 @@ from acausal import (
 )
 from acausal.errors import IntegrationError
 from acausal.optimal_control import Problem
+from tests.stepping import walk
 
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk", "rk", "rk2", "collocation"]
 
@@ -203,10 +204,7 @@ def test_blocks_of_any_size_are_watched() -> None:
 def test_exported_steps_say_where_solutions_meet(equation: str) -> None:
     """Steps of `sdirk` went straight on without a flag, whatever they met."""
     made = acausal.step_function(acausal.compile(Crossing(equation=equation, x=fixed(-0.0337))), 0.01, "sdirk")
-    flag, x, said = made.y.position("step.unconverged"), made.x.start, []
-    for _ in range(7):
-        x, y = made.function(x, [], made.p.start)
-        said.append(float(y[flag]))
+    said = walk(made, 7)["step.unconverged"]
     assert said[0] == 0.0
     assert max(said[2:5]) == 1.0
 
@@ -229,10 +227,7 @@ def test_exported_steps_say_at_which_events_solutions_meet() -> None:
 def test_steps_that_turn_off_at_a_kink_say_so(start: float) -> None:
     """Of |y| == |x|, on the end of a step or within one; the determinant is -1 on both sides of it."""
     made = acausal.step_function(acausal.compile(Crossing(equation="kink", x=fixed(start))), 0.01, "rk4")
-    flag, x, said = made.y.position("step.unconverged"), made.x.start, []
-    for _ in range(4):
-        x, y = made.function(x, [], made.p.start)
-        said.append(float(y[flag]))
+    said = walk(made, 4)["step.unconverged"]
     assert said[0] == said[3] == 0.0
     assert max(said) == 1.0
 

@@ -24,6 +24,7 @@ from acausal import (
     where,
 )
 from acausal.errors import EventError
+from tests.stepping import walk
 
 DRIVERS = [
     pytest.param("rosenbrock", False, id="rosenbrock"),
@@ -174,11 +175,9 @@ def test_rounds(case: _Case, solver: str, native: bool | None) -> None:
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.model.__name__)
 def test_rounds_of_exported_steps(case: _Case, h: float) -> None:
     step = acausal.step_function(acausal.compile(case.model()), h, "rk4", ["n"])
-    x = step.x.start
-    for _ in range(round(1.0 / h)):
-        x, y = step.function(x, [], step.p.start)
-        assert float(y[step.y.position("step.unsettled")]) == 0.0
-    assert float(x[step.x.position("n")]) == case.n
+    found = walk(step, round(1.0 / h))
+    assert not found["step.unsettled"].any()
+    assert found["n"][-1] == case.n
 
 
 def test_exported_steps_say_when_events_do_not_settle() -> None:
@@ -191,11 +190,7 @@ def test_exported_steps_say_when_events_do_not_settle() -> None:
             yield when(self.x < 0.0, reset(self.x, 1.0))
 
     step = acausal.step_function(acausal.compile(Restless()), 0.1, "rk4", ["n"])
-    x, said = step.x.start, 0.0
-    for _ in range(10):
-        x, y = step.function(x, [], step.p.start)
-        said = max(said, float(y[step.y.position("step.unsettled")]))
-    assert said == 1.0
+    assert walk(step, 10)["step.unsettled"].max() == 1.0
     assert any("step.unsettled" in note for note in step.notes)
 
 

@@ -39,6 +39,7 @@ from acausal import (
 from acausal.errors import AcausalError
 from acausal.simulate.events.resets.balance import reciprocity
 from tests.expected import fails_with
+from tests.stepping import walk
 
 Vector = NDArray[np.float64]
 SOLVERS = ["idas", "rosenbrock", "cvodes", "erk"]
@@ -454,10 +455,8 @@ def test_derivatives_steps_and_loops_take_impulses() -> None:
         slope = (final(**{name: value + 1e-4}) - final(**{name: value - 1e-4})) / 2e-4
         assert found.final[:, k] == pytest.approx(slope, rel=1e-5, abs=1e-6)
     step = acausal.step_function(compiled, 1e-3, outputs=["x", "u"])
-    x, y, p = step.x.start, np.zeros(0), step.p.start
-    for _ in range(600):
-        x, y = step.function(x, [], p)
-    assert np.array(y).ravel()[:2] == pytest.approx(final(), abs=1e-6)
+    stepped = walk(step, 600)
+    assert [stepped["x"][-1], stepped["u"][-1]] == pytest.approx(final(), abs=1e-6)
     events = compiled.casadi(events=True).events
     assert events is not None
     run = acausal.simulate(compiled, stop_time=0.6, tolerance=1e-9)

@@ -15,6 +15,7 @@ from acausal import Component, Equations, Expr, Real, der, exp, fixed, lookup, t
 from acausal.errors import DeclarationError
 from acausal.library.blocks import table
 from tests.expected import fails_with
+from tests.stepping import walk
 
 RNG = np.random.default_rng(11)
 N, END = 30, 2.0
@@ -96,10 +97,7 @@ def test_exported_steps_locate_it() -> None:
     """1 until x = 1/2 at ln 2, which is no multiple of the step, and 3 from there on."""
     compiled = acausal.compile(decaying(lookup([0.0, 0.5, 1.0], [(3.0,), (1.0,)])))
     step = acausal.step_function(compiled, 0.01)
-    x = np.array(step.x.start)
-    for _ in range(100):
-        x = np.array(step.function(x, (), step.p.start)[0]).ravel()
-    assert x[step.x.names.index("w")] == pytest.approx(np.log(2.0) + 3.0 * (1.0 - np.log(2.0)), abs=1e-8)
+    assert walk(step, 100)["w"][-1] == pytest.approx(np.log(2.0) + 3.0 * (1.0 - np.log(2.0)), abs=1e-8)
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ from acausal import (
     where,
 )
 from tests.marks import slow_but
+from tests.stepping import walk
 
 Relation = Callable[[Expr], Expr]
 
@@ -211,13 +212,10 @@ def test_a_fixed_step_locates_a_pole(number: int) -> None:
     """The relation changed one step late, with a flag; every step is exact where rates are constant."""
     _, low, high = POLES[number]
     step = acausal.step_function(acausal.compile(Pole(number=number)), 0.021, "rk4", outputs=["y", "n"])
-    x, flag, seen = step.x.start, step.y.position("step.unlocated"), [np.zeros(0)]
-    for _ in range(math.floor(2.0 / 0.021)):
-        x, y = step.function(x, [], step.p.start)
-        seen.append(np.array(y).ravel())
+    found = walk(step, math.floor(2.0 / 0.021))
     end = min(high, 0.021 * math.floor(2.0 / 0.021) - 1.0)
-    assert seen[-1][:2] == pytest.approx([end - low, 1.0], abs=1e-4)
-    assert not any(y[flag] for y in seen[1:])
+    assert [found["y"][-1], found["n"][-1]] == pytest.approx([end - low, 1.0], abs=1e-4)
+    assert not found["step.unlocated"].any()
 
 
 class Logarithm(Component):

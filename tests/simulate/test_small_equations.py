@@ -35,6 +35,7 @@ from acausal.models.components.multibody import BallAndCardan
 from acausal.models.stability.contact import ExplicitPenalty
 from acausal.result.result import Result
 from tests.marks import slow_but
+from tests.stepping import walk
 
 
 class Scaled(Component):
@@ -142,14 +143,8 @@ def test_factors_of_relations_change_no_run(unscaled: acausal.Result, c: float, 
 @pytest.mark.parametrize("c", [1e-15, 1e-22])
 def test_factors_of_relations_change_no_exported_step(c: float) -> None:
     step = acausal.step_function(acausal.compile(Compared()), 1e-3, "rk4", SIGNALS)
-    names = [port.name for port in step.p]
-    found = []
-    for factor in (1.0, c):
-        x, y, p = np.array(step.x.start), np.zeros(0), np.array(step.p.start)
-        p[names.index("c")] = factor
-        for _ in range(2000):
-            x, y = (np.array(part).ravel() for part in step.function(x, [], p))
-        found.append(y[: len(SIGNALS)])
+    runs = [walk(step, 2000, p={"c": factor}) for factor in (1.0, c)]
+    found = [[run[name][-1] for name in SIGNALS] for run in runs]
     assert found[0][-1] >= 1.0
     np.testing.assert_allclose(found[1], found[0], atol=1e-9)
 

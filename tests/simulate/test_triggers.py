@@ -36,6 +36,7 @@ from acausal import (
 )
 from acausal.export.step.step import step_function
 from acausal.library.blocks import BooleanStep, SampleTrigger, Sine, TriggeredSampler, Xor
+from tests.stepping import walk
 
 RUNS = [("rosenbrock", False), ("rosenbrock", True), ("idas", False), ("erk", True)]
 
@@ -78,11 +79,9 @@ def test_a_trigger_is_true_at_its_instants_only(solver: str, native: bool) -> No
 def test_a_trigger_in_exported_steps() -> None:
     names = list(EXPECTED)
     step = step_function(acausal.compile(Triggered()), 0.01, "rk4", names)
-    row, y = np.array(step.x.start), np.zeros(0)
-    for _ in range(55):
-        row, y = (np.array(v).ravel() for v in step.function(row, [], step.p.start))
-    assert dict(zip(names, y, strict=False)) == pytest.approx(EXPECTED)
-    assert not y[len(names) :].any()
+    found = walk(step, 55)
+    assert {name: found[name][-1] for name in names} == pytest.approx(EXPECTED)
+    assert not any(found[name][-1] for name in step.y.names[len(names) :])
 
 
 class Ticking(Component):
@@ -99,10 +98,8 @@ class Ticking(Component):
 def test_a_tick_in_exported_steps_that_remember_nothing() -> None:
     """Behind each tick y is 2 again."""
     step = step_function(acausal.compile(Ticking()), 0.25, "rk4", ["x", "y"])
-    row, y = np.array(step.x.start), np.zeros(0)
-    for _ in range(4):
-        row, y = (np.array(v).ravel() for v in step.function(row, [], step.p.start))
-    assert y[:2] == pytest.approx([1.0, 2.0])
+    found = walk(step, 4)
+    assert [found["x"][-1], found["y"][-1]] == pytest.approx([1.0, 2.0])
 
 
 class Held(Component):
@@ -233,7 +230,5 @@ def test_a_relation_of_time_and_a_tick_at_one_instant_are_seen_together(model: A
 
 def test_exported_steps_see_them_together() -> None:
     step = step_function(acausal.compile(CoincidingBesideAState()), 0.05, "rk4", COUNTS)
-    row, y = np.array(step.x.start), np.zeros(0)
-    for _ in range(40):
-        row, y = (np.array(v).ravel() for v in step.function(row, [], step.p.start))
-    assert y[:3].tolist() == [1, 1, 1]
+    found = walk(step, 40)
+    assert [found[name][-1] for name in COUNTS] == [1, 1, 1]
