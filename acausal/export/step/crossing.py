@@ -16,7 +16,7 @@ from typing import Any
 
 import casadi as ca
 
-from acausal.lower.nonlinear_blocks import nonlinear_blocks
+from acausal.lower.diagonal_blocks import nonlinear_blocks
 
 # A determinant may be zero in a step if its tangent falls to this fraction of its value or below within the step.
 _LEFT = 0.05

@@ -42,6 +42,7 @@ from acausal.simulate.record.boundaries import event_log
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.meeting.branches import crossed_branches, looks
 from acausal.simulate.record.meeting.singular import singular_positions
+from acausal.simulate.record.poles import refuse_poles
 from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.record.undefined import undefined_relations
@@ -206,6 +207,7 @@ class Run:
                     begin(memory, driver.dynamics, opts.start_time, start, m, flag)
                 driver.go()
                 refuse_leaps(recorder, opts.tolerances)
+                refuse_poles(self.problem, recorder, opts.tolerances)
                 refuse_fractions(recorder)
         except (RunError, KeyboardInterrupt) as error:
             self.stopped = driver.stopped
@@ -262,7 +264,7 @@ class Run:
         opts, problem, solver = self.options, self.problem, self.solver
         grid = opts.grid() if self.outputs is None else self.outputs
         if self.outputs is None:
-            self.hidden = looks(self.compiled, opts, self.solver.fixed_step)
+            self.hidden = looks(self.compiled, self.p, opts, self.solver.fixed_step)
         more = [self.hidden] if self.solver.multistep else [self.hidden, self.tables.instants]
         if any(map(len, more)):
             grid = np.unique(np.concatenate([grid, *more]))

@@ -26,21 +26,20 @@ from acausal.arrays import Vector
 from acausal.diagnose.words import listed
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
-from acausal.lower.nonlinear_blocks import nonlinear_blocks
+from acausal.lower.diagonal_blocks import nonlinear_blocks
 from acausal.recent import once_per_owner
 from acausal.result.result import Result
-from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
-from acausal.simulate.record.meeting.between import UNTOLD, Again, Rows, rows_between
+from acausal.simulate.record.blocks import Blocks, Rows
+from acausal.simulate.record.meeting.between import UNTOLD, Again, rows_between
 from acausal.simulate.record.meeting.kinked import meeting_at_kinks
+from acausal.simulate.record.poles import may_have_poles
 from acausal.simulate.record.record import Recorder
 
 _WAYS = "a run may go straight on or turn off into another one"
 
-_DENSE = 100  # largest block whose determinants are computed by a dense factorisation
 _LEAST, _CHEAP = 64, 1e5  # rows examined in any case, and operations that are negligible beside a run
-_ENTRIES = 1_000_000  # most entries of Jacobians in memory at once
 _LARGEST = 300  # largest block whose null space is computed
 _DIP = 0.4  # ratio of a determinant near a zero to its values two rows before and after
 _POINTS = 37, 289  # points at which the solution is continued near a zero: first, and to confirm what is found
@@ -60,78 +59,10 @@ _FAINT = 1e-9  # change of an unknown, relative to its nominal magnitude, that c
 
 
 @dataclass(frozen=True, eq=False)
-class _Block:
-    """Algebraic equations with several solutions: indices of their unknowns, and of the entries of their Jacobian."""
+class _Blocks(Blocks):
+    """The nonlinear blocks of a model, and the `modes` on which its rates and equations depend."""
 
-    columns: NDArray[np.intp]
-    row: NDArray[np.intp]  # column by column
-    column: NDArray[np.intp]
-
-    def matrices(self, entries: Vector) -> Vector:
-        """Jacobians, shape (n, size, size), from their entries, shape (n, entries)."""
-        found = np.zeros((len(entries), len(self.columns), len(self.columns)))
-        found[:, self.row, self.column] = entries
-        return found
-
-    def determinants(self, entries: Vector) -> tuple[Vector, Vector]:
-        """Signs of the determinants, and logarithms of their magnitudes, shape (n,) each."""
-        if len(self.columns) == 1:
-            with np.errstate(divide="ignore"):
-                return np.sign(entries[:, 0]), np.log(np.abs(entries[:, 0]))
-        if len(self.columns) <= _DENSE:
-            signs, sizes = np.linalg.slogdet(self.matrices(entries))
-            return signs, sizes
-        found = np.array([self._sparse(values) for values in entries])
-        return found[:, 0], found[:, 1]
-
-    def _sparse(self, values: Vector) -> tuple[float, float]:
-        """Sign and logarithm for one Jacobian, by a sparse factorisation."""
-        import scipy.sparse.linalg  # the import takes a tenth of a second, and only large blocks need it
-
-        first = np.searchsorted(self.column, np.arange(len(self.columns) + 1))
-        try:
-            lu = scipy.sparse.linalg.splu(scipy.sparse.csc_matrix((values, self.row, first)))
-        except RuntimeError:  # singular
-            return 0.0, -np.inf
-        pivots = lu.U.diagonal()
-        sign = _parity(lu.perm_r.tolist()) * _parity(lu.perm_c.tolist()) * np.prod(np.sign(pivots))
-        return float(sign), float(np.log(np.abs(pivots)).sum())
-
-
-def _parity(order: list[int]) -> int:
-    """Sign of a permutation: 1 if it is even, -1 if it is odd."""
-    sign = 1
-    for k in range(len(order)):
-        while order[k] != k:
-            other = order[k]
-            order[k], order[other], sign = order[other], other, -sign
-    return sign
-
-
-@dataclass(frozen=True, eq=False)
-class _Blocks:
-    """All such blocks of a model."""
-
-    blocks: tuple[_Block, ...]
-    slopes: BufferedFunction  # `(t, x, z, u, p, m) -> entries`, block by block, by unknowns in nominal magnitudes
-    modes: list[int]  # modes on which rates and equations depend
-
-    def entries(self, problem: Problem, at: Rows) -> list[Vector]:
-        """Entries of the Jacobian of each block, shape (n, entries)."""
-        t, x, z, m = (np.ascontiguousarray(a.T) for a in at)
-        found = self.slopes.many(t[:, None], x, z, problem.u, problem.p, m)
-        found[~np.isfinite(found)] = 0.0
-        return np.split(found, np.cumsum([len(b.row) for b in self.blocks])[:-1], axis=1)
-
-    def determinants(self, problem: Problem, at: Rows) -> tuple[Vector, Vector]:
-        """Signs of the determinants of all blocks, and logarithms of their magnitudes, shape (blocks, n) each."""
-        largest = max(min(len(b.columns), _DENSE) ** 2 for b in self.blocks)
-        many, parts = 1 + _ENTRIES // (largest + self.slopes.function.numel_out(0)), []
-        for first in range(0, len(at[0]), many):
-            entries = self.entries(problem, tuple(a[..., first : first + many] for a in at))
-            parts.append(np.array([b.determinants(e) for b, e in zip(self.blocks, entries, strict=True)]))
-        signs, sizes = np.concatenate(parts, axis=-1).swapaxes(0, 1)
-        return signs, sizes
+    modes: list[int]
 
 
 @once_per_owner
@@ -140,23 +71,17 @@ def _blocks(compiled: CompiledModel) -> _Blocks | None:
     s = Symbols(compiled)
     ode, alg = compiled.rhs(*s.inputs)
     slope = ca.jacobian(alg, s.z)
-    blocks, entries = [], []
-    for equations, unknowns in nonlinear_blocks(slope, s.z):
-        pattern, places = slope.sparsity().sub(equations, unknowns, False)
-        blocks.append(_Block(*(np.array(v, dtype=np.intp) for v in (unknowns, *pattern.get_triplet()))))
-        entries += places
-    if not entries:
-        return None
-    scaled = (slope @ ca.diag(ca.DM(compiled.nominal_z))).nz[entries]
-    function = BufferedFunction(ca.Function("slopes", s.inputs, [scaled]))
+    found = Blocks.of(compiled, s, slope, nonlinear_blocks(slope, s.z))
     modes = sorted(set(ca.jacobian_sparsity(ca.vertcat(ode, alg), s.m).get_col()))
-    return _Blocks(tuple(blocks), function, modes)
+    return None if found is None else _Blocks(found.blocks, found.slopes, modes)
 
 
-def looks(compiled: CompiledModel, options: Options, is_fixed: bool) -> Vector:
-    """Additional instants [s] that a run with few rows needs for this search and that of closed loops; mostly none."""
-    several = bool(compiled.solution.structure.invariants) or (
-        bool(compiled.algebraic) and _blocks(compiled.common) is not None
+def looks(compiled: CompiledModel, p: Vector, options: Options, is_fixed: bool) -> Vector:
+    """Additional instants [s] that a run with few rows needs for this search, and those of poles and closed loops."""
+    several = (
+        may_have_poles(compiled, p)
+        or bool(compiled.solution.structure.invariants)
+        or (bool(compiled.algebraic) and _blocks(compiled.common) is not None)
     )
     if not several or options.span >= _LEAST * options.output_interval:
         return np.zeros(0)
