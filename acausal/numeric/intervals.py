@@ -31,9 +31,9 @@ _DOMAINS: Mapping[Any, Interval] = {
 
 
 def ranges(
-    pool: Pool, reachable: Iterable[int], constant: Callable[[int], float | None], kinks: bool = False
+    pool: Pool, reachable: Iterable[int], known: Callable[[int], float | Interval | None], kinks: bool = False
 ) -> dict[int, Interval]:
-    """Bounds of nodes, given in evaluation order; `constant` returns the value of a constant node, else None.
+    """Bounds of nodes, given in evaluation order; `known` returns the value of a node, or its bounds, if they are.
 
     Those of `minimum`, `maximum`, `fabs` and branches are unbounded without `kinks`: an event is at every kink
     (`acausal.analyse.events.located_kinks`) and where a branch changes, so that a jump between bounded branches, such
@@ -41,9 +41,11 @@ def ranges(
     """
     range_of: dict[int, Interval] = {}
     for number in reachable:
-        value = constant(number)
+        value = known(number)
         op, *operands = pool.nodes[number]
-        if value is not None:
+        if isinstance(value, tuple):
+            range_of[number] = value
+        elif value is not None:
             range_of[number] = (value, value) if math.isfinite(value) else EVERYTHING
         elif op in ("min", "max", "fabs", "where") and not kinks:
             range_of[number] = EVERYTHING

@@ -26,6 +26,7 @@ from acausal import (
     maximum,
     minimum,
     no_event,
+    parameter,
     reset,
     sign,
     sin,
@@ -67,6 +68,36 @@ class Leaving(Component):
         yield der(self.x) == -1.0
         yield self.s == OPERATIONS[self.operation](self.x)
         yield der(self.y) == (1.0 if self.is_shown_only else self.s)
+
+
+class OfParameter(Component):
+    """The integral of an operation on a parameter."""
+
+    operation: str = structural()
+    p: Real = parameter(default=0.49)
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.y) == OPERATIONS[self.operation](self.p)
+
+
+VALUES = {  # at p = 0.49
+    "minimum": 0.7,
+    "maximum": math.log(0.49),
+    "clamp": 0.343,
+    "sign": -1.0,
+    "floor": 2.0,
+    "in a branch": 0.7,
+}
+
+
+@pytest.mark.parametrize(("operation", "value"), VALUES.items())
+def test_an_operation_on_a_parameter_without_a_value_has_none(operation: str, value: float) -> None:
+    """The minimum of sqrt(p) and 2 was 2 for p = -1, in a model compiled for p = 0.49."""
+    compiled = acausal.compile(OfParameter(operation=operation))
+    assert acausal.simulate(compiled, stop_time=1.0).final("y") == pytest.approx(value, abs=1e-9)
+    with pytest.raises(AcausalError, match="AC303"):
+        acausal.simulate(compiled, stop_time=1.0, parameters={"p": -1.0})
 
 
 CASES = [(o, "erk") for o in OPERATIONS] + [("minimum", s) for s in ("rosenbrock", "idas", "cvodes", "rk")]

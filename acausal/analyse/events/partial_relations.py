@@ -69,7 +69,8 @@ class Existence:
     ) -> None:
         self.functions = _PARTIAL - {"div"} if exempt else _PARTIAL
         self.exempt = exempt
-        self.pool, self.points = solution.structure.reduced.pool, solution.structure.points
+        self.reduced, self.points = solution.structure.reduced, solution.structure.points
+        self.pool = self.reduced.pool
         self.defined, self.moves, self.stated = dict(solution.definitions), moves, stated
         self.conditions: dict[int, int] = {}
         self.images: dict[int, int] = {}
@@ -268,15 +269,15 @@ class Existence:
         exists = pool.make("noevent", pool.make("gt", larger, pool.zero))
         return pool.where(exists, pool.div(a, pool.where(exists, b, pool.one)), pool.zero)
 
-    def _known(self, number: int) -> float | None:
-        """The value of an operand that decides whether a function has one; parameters may change."""
+    def _known(self, number: int) -> float | Interval | None:
+        """The value of an operand, or its bounds, that decides whether a function has one; parameters may change."""
         return self.pool.value(number)
 
     def _value(self, number: int) -> float | None:
         """The value of a node that does not vary: a parameter that is not zero is not expected to become zero."""
         return None if self.moves(number) else float(self.points.of(number)[0])
 
-    def _range(self, number: int, value: Callable[[int], float | None]) -> Interval:
+    def _range(self, number: int, value: Callable[[int], float | Interval | None]) -> Interval:
         """Bounds of a node, through the definitions of its variables, for values of those that are constant."""
         number = self._resolved(number)
         return ranges(self.pool, self.pool.reachable([number]), value, kinks=True)[number]

@@ -10,11 +10,13 @@ get one: those of roots, logarithms and the like that may leave their domain, an
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.partial_relations import Existence
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.language.expressions.external import Call
+from acausal.numeric.intervals import Interval
 
 EXTREMA = frozenset(("min", "max"))
 _OPERATIONS = EXTREMA | {"sign", "floor", "ceil"}
@@ -75,10 +77,20 @@ class WithoutValue:
 
 
 class _OfModel(Existence):
-    """Where expressions of the model have a value, for its parameters; what solves its equations does not count."""
+    """Where expressions of the model have a value, parameters within their declared bounds.
+
+    What solves its equations does not count.
+    """
+
+    @cached_property
+    def _bounds(self) -> dict[int, Interval]:
+        """The bounds of parameters, by nodes."""
+        flat = self.reduced.flat
+        return {n: (q.declaration.min, q.declaration.max) for q in flat.parameters if q.free for n in q.nodes}
 
     def _is_partial(self, number: int) -> bool:
-        return number in self.stated and super()._is_partial(number)
+        op = self.pool.nodes[number][0]
+        return number in self.stated and (op in self.functions - {"div"} or super()._is_partial(number))
 
-    def _known(self, number: int) -> float | None:
-        return self._value(number)
+    def _known(self, number: int) -> float | Interval | None:
+        return self._bounds.get(number, self.pool.value(number))
