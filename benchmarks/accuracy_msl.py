@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tests.accuracy.published import our_name
 
 from acausal.models.ivp.answers import Problem
-from tests.accuracy.published import our_name
 
 FOLDER = Path(os.environ.get("ACAUSAL_REFERENCE", "")) / "msl"
 # Assumed agreement of two integrations for which none is stated: two digits less than are printed.
