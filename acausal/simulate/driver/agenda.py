@@ -137,10 +137,10 @@ def known_instants(
     shortest = max(_SAME_INSTANT * (stop - start), _ROUNDING * max(abs(start), abs(stop)))
     known = [times(compiled, p, inputs, start, stop) for times in KNOWN]
     found = np.concatenate(known if cuts is None else [*known, cuts])
-    if not len(found):
+    inside = found[(found > start + shortest) & (found < stop - shortest)]
+    if not len(inside):
         return np.array([start, stop])
-    found = np.unique(found)
-    inside = found[np.isfinite(found) & (found > start + shortest) & (found < stop - shortest)]
+    inside = np.unique(inside)
     is_distinct = np.diff(inside, prepend=-np.inf) > shortest
     return np.concatenate([[start], inside[is_distinct], [stop]])
 
