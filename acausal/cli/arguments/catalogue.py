@@ -1,4 +1,4 @@
-"""Catalogue of the library's components, from parsing its source: importing all of it would take a second.
+"""Catalogue of the library's components, from its parsed source.
 
 A name is followed through the imports of each file, so that base classes and parts are found under other names without
 running any code.
@@ -9,9 +9,8 @@ from __future__ import annotations
 import ast
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
-from acausal.cli.arguments.shipped import shipped_models
+from acausal.cli.arguments.shipped import modules, shipped_models
 from acausal.errors import UsageError, nearest
 
 PACKAGE = "acausal.library"
@@ -49,37 +48,13 @@ class Part:
         return self.doc.split("\n")[0]
 
 
-@dataclass(frozen=True)
-class _Module:
-    classes: dict[str, ast.ClassDef]
-    imports: dict[str, tuple[str, str]]
-
-
-@cache
-def _modules(package: str) -> dict[str, _Module]:
-    """All modules of `acausal.library` or `acausal.models` by dotted name."""
-    folder = Path(__file__).resolve().parents[2] / package.rpartition(".")[2]
-    found = {}
-    for path in sorted(folder.rglob("*.py")):
-        name = ".".join((package, *path.relative_to(folder).with_suffix("").parts)).removesuffix(".__init__")
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        imports = {
-            alias.asname or alias.name: (node.module or "", alias.name)
-            for node in tree.body
-            if isinstance(node, ast.ImportFrom)
-            for alias in node.names
-        }
-        found[name] = _Module({n.name: n for n in tree.body if isinstance(n, ast.ClassDef)}, imports)
-    return found
-
-
 @cache
 def _followed(module: str, name: str) -> tuple[str, str]:
     """(Module, name) of the definition of the class that `module` calls `name`."""
     seen = set()
     while (module, name) not in seen:
         seen.add((module, name))
-        here = _modules(PACKAGE).get(module) or _modules("acausal.models").get(module)
+        here = modules(PACKAGE).get(module) or modules("acausal.models").get(module)
         if here is None or name in here.classes or name not in here.imports:
             break
         module, name = here.imports[name]
@@ -92,7 +67,7 @@ def _kind(module: str, name: str) -> str:
     module, name = _followed(module, name)
     if module.partition(".")[0] == "acausal" and name in _ROOTS:
         return name.lower()
-    here = _modules(PACKAGE).get(module)
+    here = modules(PACKAGE).get(module)
     for base in here.classes[name].bases if here and name in here.classes else ():
         inner = base.value if isinstance(base, ast.Subscript) else base
         if isinstance(inner, ast.Name) and (kind := _kind(module, inner.id)):
@@ -104,14 +79,14 @@ def _kind(module: str, name: str) -> str:
 def library_parts() -> tuple[Part, ...]:
     """The public components, connectors and records of the library, sorted by family and name."""
     found = []
-    for package, module in _modules(PACKAGE).items():
+    for package, module in modules(PACKAGE).items():
         # public classes are those that the package of a family re-exports by `import X as X`
-        if package.count(".") < 2 or not any(m.startswith(f"{package}.") for m in _modules(PACKAGE)):
+        if package.count(".") < 2 or not any(m.startswith(f"{package}.") for m in modules(PACKAGE)):
             continue
         for name, (origin, original) in module.imports.items():
             where, own = _followed(origin, original)
             if origin.startswith(PACKAGE) and not name.startswith("_") and (kind := _kind(where, own)):
-                doc = ast.get_docstring(_modules(PACKAGE)[where].classes[own]) or ""
+                doc = ast.get_docstring(modules(PACKAGE)[where].classes[own]) or ""
                 found.append(Part(name, package.removeprefix(PACKAGE + "."), where, kind, doc))
     # a family re-exports the classes of its subpackages: list them under the outermost family
     outermost: dict[tuple[str, str], Part] = {}
@@ -130,7 +105,7 @@ def named_by(package: str) -> dict[tuple[str, str], frozenset[tuple[str, str]]]:
     """For each class of `acausal.library` or `acausal.models`, the definitions of the classes that its body names."""
     return {
         (module, name): frozenset(_followed(module, n.id) for n in ast.walk(node) if isinstance(n, ast.Name))
-        for module, content in _modules(package).items()
+        for module, content in modules(package).items()
         for name, node in content.classes.items()
     }
 

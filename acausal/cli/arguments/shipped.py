@@ -1,4 +1,4 @@
-"""The shipped models, found by parsing their source: importing all of them would take a second."""
+"""Modules of the library and of the shipped models, as parsed source: importing all of them would take a second."""
 
 from __future__ import annotations
 
@@ -8,6 +8,32 @@ from functools import cache
 from pathlib import Path
 
 PACKAGE = "acausal.models"
+
+
+@dataclass(frozen=True)
+class Module:
+    """The classes of a module, and what it imports: (module, name) by the name under which it is known there."""
+
+    classes: dict[str, ast.ClassDef]
+    imports: dict[str, tuple[str, str]]
+
+
+@cache
+def modules(package: str) -> dict[str, Module]:
+    """All modules of `acausal.library` or `acausal.models` by dotted name."""
+    folder = Path(__file__).resolve().parents[2] / package.rpartition(".")[2]
+    found = {}
+    for path in sorted(folder.rglob("*.py")):
+        name = ".".join((package, *path.relative_to(folder).with_suffix("").parts)).removesuffix(".__init__")
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        imports = {
+            alias.asname or alias.name: (node.module or "", alias.name)
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        found[name] = Module({n.name: n for n in tree.body if isinstance(n, ast.ClassDef)}, imports)
+    return found
 
 
 @dataclass(frozen=True)
@@ -26,24 +52,16 @@ class ShippedModel:
 
 @cache
 def shipped_models() -> tuple[ShippedModel, ...]:
-    """All shipped models, sorted by name."""
-    folder = Path(__file__).resolve().parents[2] / "models"
-    found = []
-    for path in sorted(folder.rglob("*.py")):
-        module = ".".join((PACKAGE, *path.relative_to(folder).with_suffix("").parts))
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and _is_runnable(node):
-                summary = (ast.get_docstring(node) or "").split("\n")[0]
-                found.append(ShippedModel(node.name, module.removesuffix(".__init__"), summary))
+    """All shipped models, sorted by name: classes with an experiment, unlike components in the same file."""
+    found = [
+        ShippedModel(name, module, (ast.get_docstring(node) or "").split("\n")[0])
+        for module, content in modules(PACKAGE).items()
+        for name, node in content.classes.items()
+        if not name.startswith("_") and any(_declares(item, "experiment") for item in node.body)
+    ]
     return tuple(sorted(found, key=lambda m: m.name.lower()))
 
 
-def _is_runnable(node: ast.ClassDef) -> bool:
-    """Whether a class has an experiment, as models have, unlike components in the same file."""
-    for item in node.body:
-        targets = (
-            item.targets if isinstance(item, ast.Assign) else [item.target] if isinstance(item, ast.AnnAssign) else []
-        )
-        if any(isinstance(t, ast.Name) and t.id == "experiment" for t in targets):
-            return True
-    return False
+def _declares(item: ast.stmt, name: str) -> bool:
+    targets = item.targets if isinstance(item, ast.Assign) else [getattr(item, "target", None)]
+    return any(isinstance(target, ast.Name) and target.id == name for target in targets)
