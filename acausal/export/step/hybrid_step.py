@@ -431,7 +431,7 @@ class HybridStep:
             a, b = ca.if_else(before, c, a), ca.if_else(before, b, c)
         chosen = [ca.logic_and(is_passed, at_b[k] <= 0) for k, is_passed in enumerate(passed)]
         # use the end of the bracket at which the relation has changed: at the other end it would change back
-        theta = ca.if_else(is_any, ca.fmin(b, 1 - TICK), 1)
+        theta = ca.if_else(ca.logic_and(is_any, b < 1 - TICK), b, 1)  # rounding would order it and a tick at the end
         return theta, chosen, ca.if_else(is_any, b - a, 0)
 
     def _between(self, t: Any, x: Any, z: Any, x1: Any, z1: Any, held: Sequence[Any], share: Any) -> tuple[Any, Any]:

@@ -385,11 +385,22 @@ class Hybrid:
                 self._note(f"{self.guards.texts[relation]}: {_UNSAMPLED}")
             if reached.time is not None:
                 self._check_size(reached, moment)
+                reached = self._moved_to_end(segment, moment, reached)
         if not self.is_delayed:
             return reached
         if reached.time is not None and reached.time <= segment.start:  # at the instant of the last event
             return reached
         return self._integrate_recorded(segment, moment, reached.time)
+
+    def _moved_to_end(self, segment: Segment, moment: Moment, reached: Arrival) -> Arrival:
+        """Leave an event that coincides with the end of the segment to the event there, as rounding orders the two."""
+        end = float(segment.times[-1])
+        assert reached.time is not None, "an event has been reached"
+        if reached.time <= segment.start or self._last_same(reached.time) < end:
+            return reached
+        if not self.is_delayed:
+            self._record(np.array([end]), reached.x[:, None], reached.z[:, None], moment, {})
+        return Arrival(None, reached.x, reached.z)
 
     def _integrate_recorded(self, segment: Segment, moment: Moment, event: float | None) -> Arrival:
         """Integrate to a located event, or to the end, with delayed signals recorded for later reading.
