@@ -23,13 +23,13 @@ from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import AT_REST, STILL, Guards, Moment
 from acausal.simulate.events.location import mesh as meshing
 from acausal.simulate.events.location.arrival import Arrival, first_passed, polished, root_after, up_to
-from acausal.simulate.events.location.between import left_guards, lowest
+from acausal.simulate.events.location.between import left_guards
 from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
 from acausal.simulate.events.location.patience import Patience
 from acausal.simulate.events.location.phases import first_swing
 from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task, needs_more_steps
-from acausal.simulate.events.location.turning import turning
+from acausal.simulate.events.location.turning import excursions
 from acausal.simulate.events.location.withdrawn import Withdrawn
 from acausal.simulate.events.regime import Regime
 from acausal.simulate.solvers import Solver
@@ -354,20 +354,11 @@ class Search:
         if len(task.finer) < _DEEPEST:
             # with two neighbours beyond the one that is passed, which show how guards bend
             until = last + 1 + int(np.isfinite(mesh.judged[last + 1 : last + 3]).all(axis=1).cumprod().sum())
-            intervals, lows = lowest(mesh.times[:until], mesh.judged[:until])
             count = min(last, len(mesh.times) - 1)
-            turns, dips = turning(self.guards, task, mesh, piece, rows, count)
-            known = intervals < count
-            if (lows[known] < 0.0).any() or (dips < 0.0).any():
-                bounds = np.full((count, lows.shape[1]), np.inf)
-                bounds[turns] = dips
-                bounds[intervals[known]] = np.fmin(bounds[intervals[known]], lows[known])
-                ahead = task.are_ahead(mesh)[: count + 1]
-                may_pass = (bounds < 0.0) & ahead[:-1] & ahead[1:]
-                may_pass[: mesh.start] = False
-                for row in np.flatnonzero(may_pass.any(axis=1)).tolist():
-                    if self._is_significant(task, mesh, row, bounds[row], may_pass[row], piece, rows):
-                        return row, False
+            bounds, may_pass = excursions(self.guards, task, mesh, piece, rows, count, until)
+            for row in np.flatnonzero(may_pass.any(axis=1)).tolist():
+                if self._is_significant(task, mesh, row, bounds[row], may_pass[row], piece, rows):
+                    return row, False
         return (last - 1, True) if is_passed else None
 
     def _swings(

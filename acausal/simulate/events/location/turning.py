@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from acausal.arrays import Truth, Vector
 from acausal.simulate.events.guards import Guards
-from acausal.simulate.events.location.between import near_zero
+from acausal.simulate.events.location.between import lowest, near_zero
 from acausal.simulate.events.location.task import Mesh, Task
 from acausal.simulate.solvers.segment import Piece
 
@@ -22,6 +22,27 @@ from acausal.simulate.solvers.segment import Piece
 _CUBIC_ERROR = 0.0625
 # A guard that changes so many times as fast as it is far from zero is in a transient, of which its ends show nothing.
 _MOST_CHANGE = 1e3
+
+
+def excursions(
+    guards: Guards, task: Task, mesh: Mesh, piece: Piece, rows: NDArray[np.int64], last: int, until: int
+) -> tuple[Vector, Truth]:
+    """Lower bounds of guards in the intervals up to mesh point `last`, and which may be passed there and back.
+
+    Both have shape (last, guards), or no rows if no bound is negative. Mesh points before `until` show how guards bend.
+    """
+    intervals, lows = lowest(mesh.times[:until], mesh.judged[:until])
+    turns, dips = turning(guards, task, mesh, piece, rows, last)
+    known = intervals < last
+    if not ((lows[known] < 0.0).any() or (dips < 0.0).any()):
+        return np.zeros((0, lows.shape[1])), np.zeros((0, lows.shape[1]), dtype=bool)
+    bounds = np.full((last, lows.shape[1]), np.inf)
+    bounds[turns] = dips
+    bounds[intervals[known]] = np.fmin(bounds[intervals[known]], lows[known])
+    ahead = task.are_ahead(mesh)[: last + 1]
+    may_pass = (bounds < 0.0) & ahead[:-1] & ahead[1:]
+    may_pass[: mesh.start] = False
+    return bounds, may_pass
 
 
 def turning(
