@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acausal.simulate.events.location.between import interpolated, lower_bounds, lowest, steady
+from acausal.simulate.events.location.between import interpolated, lower_bounds, lowest, root, steady
 
 
 @given(seed=st.integers(0, 10_000), spread=st.sampled_from([0.0, 0.1, 0.9, 6.0]), away=st.floats(0.0, 200.0))
@@ -36,3 +36,9 @@ def test_rows_that_are_next_to_each_other_do_not_enlarge_rounding_errors() -> No
     exact = (1.0 + 2.3e-3 * wanted)[:, None]
     assert np.abs(interpolated(times, line, wanted, 8)[0] - exact).max() > 1e-10
     assert np.abs(steady(times, line, wanted, 8) - exact).max() < 1e-12
+
+
+def test_a_zero_between_points_of_which_rounding_makes_some_one() -> None:
+    a, b = 1.5999999999999996, 1.5999999999999999
+    times, values = np.array([a, a, b, b, 1.6]), np.array([1e-16, 3e-17, -6e-17, -1e-16, -2e-16])
+    assert a <= root(times, values, 1) <= b

@@ -107,7 +107,8 @@ def root(times: Vector, values: Vector, row: int) -> float:
     origin = float(times[row])
     if not np.isfinite(values[row + 1]):  # a pole: the event is at the last instant with a finite value
         return origin
-    known = np.isfinite(values)
+    # between instants that are a few rounding errors apart, points of a mesh coincide
+    known = np.isfinite(values) & (np.diff(times, prepend=-np.inf) > 0.0)
     curve = newton_form((times[known] - origin).tolist(), values[known].tolist())
     left, right = 0.0, float(times[row + 1]) - origin
     if not curve(left) > 0.0 > curve(right):
