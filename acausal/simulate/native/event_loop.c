@@ -111,6 +111,7 @@ struct space {
   double *beside_x, *before_x, *before_m, *left_m, *instants, *lengths, *row, *ahead, *parameters, *x0, *nodes;
   struct node node[DEEPEST + 2];
   double first, past; /* state of the step size control */
+  double limit;       /* the next row or mesh point, before which an event is sought */
   double step;        /* over which errors of stiff components have relaxed, 0 if unknown */
   double *known_x, *known_m, *known_g, *known_rate, *known_noise; /* point at which guards were evaluated last, and values */
   double *relaxed_noise; /* noises for a step */
@@ -513,6 +514,26 @@ static double zero_of(const struct space* o, const struct node* n, count_t k, in
   return count < SHARP_POINTS ? LOCATED * n->noise[k] : o->located[k];
 }
 
+/* Go on from a node within the noise of guards to where the first of them is zero, if it falls at the same rate there.
+   Steps of other lengths have led to the node and to the next one, which may differ by more than what lies between. */
+static int sharpen(struct event_loop* s, struct space* o, struct node* here, struct node* to) {
+  count_t k, which = -1;
+  double t = o->limit;
+  for (k = 0; k < s->relations; ++k) {
+    double above = here->above[k], rate = here->rate[k];
+    if (!(above <= STILL * here->noise[k]) || !(-rate > here->noise[k])) continue;
+    if (above < LOCATED * here->noise[k]) return 0;
+    if (here->t + above / -rate < t) { t = here->t + above / -rate; which = k; }
+  }
+  if (which < 0 || !(t > here->t)) return 0;
+  if (step_to(s, o, here, t, to)) return UNUSUAL;
+  if (!(fabs(to->rate[which] - here->rate[which]) < 0.5 * fabs(here->rate[which]))) return 0;
+  for (k = 0; k < s->relations; ++k)
+    if (k == which ? fabs(to->above[k]) > here->above[k] : to->above[k] < 0 && here->above[k] >= 0) return 0;
+  copy_node(s->states, s->relations, to, here);
+  return 0;
+}
+
 /* Search from node 0 to node 1 for an event, and leave the first one in node 0, or node 1 if there is none.
    Nodes 1, 2, ... are a stack of those still ahead. `away`: a guard that exceeds its noise around this interval, or -1. */
 static int search(struct event_loop* s, struct space* o, double instant, count_t away, int* found) {
@@ -535,7 +556,10 @@ static int search(struct event_loop* s, struct space* o, double instant, count_t
       here |= moved && left->above[k] <= zero_of(o, left, k, is_instant, count) && left->rate[k] < 0;
       far |= right->above[k] < -zero_of(o, right, k, is_instant, count);
     }
-    if (here) { *found = 1; return 0; }
+    if (here) {
+      *found = 1;
+      return top < DEEPEST ? sharpen(s, o, left, o->node + top + 1) : 0;
+    }
     wide = width > instant;
     is_there = passed && (!wide || !far);
     /* before a guard is reached, others may have been passed in both directions */

@@ -39,11 +39,13 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
       read_row(s, o, 0, o->instants[*k], o->node + 1);
       status = evaluate_node(s, o, o->node + 1);
       if (!status && lingers(s, o)) status = UNUSUAL;
+      o->limit = o->instants[*k];
       if (!status) status = search(s, o, instant, -1, found);
       if (status || *found) return status;
       mark_reached(s, o, k);
     }
     if (*k > last) return 0;
+    o->limit = o->instants[*k];
     /* A guard was reached on dense output, or may be passed there and back. A step that ends there shows whether it is, and
        otherwise a step that ends where the one of the integrator did. */
     beyond = begin + s->run.last_end;
@@ -54,7 +56,7 @@ static int integrate(struct event_loop* s, struct space* o, count_t* k, count_t 
     if (status || *found) return status;
     for (j = 0; t < o->instants[*k] && j < s->relations; ++j)
       *found |= j != away && o->node->above[j] <= STILL * o->node->noise[j] && o->node->rate[j] < 0;
-    if (*found) return 0;
+    if (*found) return sharpen(s, o, o->node, o->node + 1);
     if (beyond > t + instant && t < o->instants[*k]) {
       t = beyond < o->instants[*k] ? beyond : o->instants[*k];
       status = step_to(s, o, o->node, t, o->node + 1);

@@ -389,7 +389,7 @@ class Search:
         noise = 2.0 * self.guards.rates(t, self._at(task, mesh, row, piece, rows))[1]
         noise[task.start.leaving] /= max(t - task.start.time, end - t)
         if not task.finer:
-            task.away = np.asarray((mesh.values[row : row + 2] > noise).all(axis=0))
+            task.away = mesh.are_away(row, noise)
         noise[task.away] = 0.0
         return bool((low < -noise)[may_pass].any())
 

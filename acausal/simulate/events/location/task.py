@@ -42,6 +42,13 @@ class Mesh:
     least: Vector
     start: int
 
+    def are_away(self, row: int, noise: Vector) -> Truth:
+        """Guards that exceed this noise at both ends of the interval behind a row, or at one and beyond the other."""
+        outside = self.values[max(row - 1, 0) : row + 3] > noise
+        left = outside[: row + 1 - max(row - 1, 0)]
+        right = outside[len(left) :]
+        return np.asarray(left.any(axis=0) & right.any(axis=0) & (left[-1] | right[0]))
+
     def plain(self, first: int, last: int) -> Vector:
         """Values of some rows without the allowance; shape (rows, guards)."""
         rows = self.values[first:last].copy(order="K")
