@@ -96,6 +96,13 @@ def test_no_run_goes_past_a_pole(name: str, solver: str, interval: float) -> Non
     assert caught.value.result.time[-1] <= 1.0 + 1e-6
 
 
+@pytest.mark.parametrize("step", [1e-2, 1.1e-2, 7e-3])
+def test_no_fixed_step_goes_past_a_pole(step: float) -> None:
+    """A step that ended 4e-16 s behind it led to -4e12, of which a tolerance is large."""
+    with pytest.raises(IntegrationError, match="AC404"):
+        acausal.simulate(Passing(rate=POLES["quotient"]), stop_time=2.0, solver="rk", step=step)
+
+
 @pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
 def test_equations_without_a_solution_at_an_instant_have_poles(solver: str) -> None:
     """z x == 1 divides by x as well."""

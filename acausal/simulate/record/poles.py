@@ -158,7 +158,8 @@ def _growing(problem: Problem, tolerances: Tolerances, middle: _Row, side: _Row)
         ratios = np.array(_FRACTIONS[:-1]) / np.array(_FRACTIONS[1:])
         grows = (rates[1:] > _LEAST_GROWTH * ratios[:, None] * rates[:-1]).all(axis=0)
         moved = rates[-1] * _FRACTIONS[-1] * abs(side.t - middle.t)
-    states: NDArray[np.intp] = np.flatnonzero(grows & (moved > tolerances.of(side.x[:n], compiled.nominal_x[:n])))
+    least = tolerances.of(np.zeros(n), compiled.nominal_x[:n])  # of a state that may have gone far past the pole
+    states: NDArray[np.intp] = np.flatnonzero(grows & (moved > least))
     return int(states[0]) if len(states) else None
 
 
