@@ -32,7 +32,7 @@ _GOLDEN = 0.618
 STILL = 1e-2
 # Guards are located to this fraction of their noise, or to their rounding errors, what up to eight rounding errors of
 # time and states make of them. The error of the states moves both ends of an excursion; that of location its length.
-LOCATED, _ROUNDINGS = 1e-6, tuple(n * np.finfo(float).eps for n in (-8, -5, -2, 2, 5, 8))
+LOCATED, _ROUNDINGS = 1e-6, np.finfo(float).eps * np.array([-8, -5, -2, 2, 5, 8])
 # By how much more two of them may differ: rounding errors are estimated from these few points.
 _MARGIN = 4.0
 # States are moved by a few multiples of this fraction of their errors: a current through 1e-5 Ohm moves in small steps.
@@ -202,15 +202,16 @@ class Guards:
 
         A hundredth of their noise if that one is zero, and as much as the time to its zero means for them.
         """
-        error, found = self._errors(at)[0], np.full((len(passed), len(g)), 0.0)
-        signs = np.ones(len(at.x)), self._signs(at)
-        for shift in (n * _SHIFT * error * s for n in range(1, _SHIFTS + 1) for s in signs):
-            try:
-                moved = self.distances(t, self.solved(t, replace(at, x=at.x + shift))) - g
-            except RuntimeError:
-                return np.full(len(g), np.inf)
-            since = moved[passed] / rate[passed]  # how much earlier these are passed
-            found = np.maximum(found, np.abs(moved - since[:, None] * rate))
+        signs = np.array([np.ones(len(at.x)), self._signs(at)])
+        shifts = (_SHIFT * np.arange(1, _SHIFTS + 1)[:, None, None] * signs).reshape(-1, len(at.x)) * self._errors(at)[
+            0
+        ]
+        try:
+            moved = self._beside(np.full(len(shifts), t), at.x + shifts, at) - g
+        except RuntimeError:
+            return np.full(len(g), np.inf)
+        since = moved[:, passed] / rate[passed]  # how much earlier these are passed
+        found = np.abs(moved[:, None] - since[:, :, None] * rate).max(axis=0)
         off = ((np.abs(g) + _MARGIN * located)[passed] / np.abs(rate[passed]))[:, None] * np.abs(rate)
         return np.asarray((found * (STILL / _SHIFT) + off).min(axis=0))
 
@@ -223,20 +224,24 @@ class Guards:
 
         As far as rounding errors permit; not if the algebraic variables cannot be solved for.
         """
-        beside = [(t * (1.0 - up), replace(at, x=at.x * (1.0 + up * self._signs(at)))) for up in _ROUNDINGS]
         try:
-            found = np.array([self.distances(there, self.solved(there, moment)) for there, moment in beside])
+            found = self._beside(t * (1.0 - _ROUNDINGS), at.x * (1.0 + _ROUNDINGS[:, None] * self._signs(at)), at)
         except RuntimeError:
             return STILL * noise
         return np.asarray(np.minimum(np.fmax(LOCATED * noise, np.ptp(found, axis=0)), STILL * noise))
 
     def solved(self, t: float, at: Moment) -> Moment:
         """The same with algebraic variables that satisfy their equations; RuntimeError if Newton's method fails."""
-        if not len(at.z):
-            return at
-        p = at.regime.problem
-        z = corrected(p.compiled, np.array([t]), at.x[:, None], at.z[:, None], p.u, p.p, at.m, self.tolerances)
-        return replace(at, z=z[:, 0])
+        return replace(at, z=self._solved(np.array([t]), at.x[None], at)[:, 0]) if len(at.z) else at
+
+    def _solved(self, times: Vector, x: Vector, at: Moment) -> Vector:
+        """Algebraic variables at n points, shape (nz, n), from those of a moment; `x` has shape (n, nx)."""
+        p, z = at.regime.problem, np.tile(at.z[:, None], (1, len(times)))
+        return corrected(p.compiled, times, x.T, z, p.u, p.p, at.m, self.tolerances)
+
+    def _beside(self, times: Vector, x: Vector, at: Moment) -> Vector:
+        """Distances at n points beside a moment, shape (n, guards); RuntimeError as for `solved`."""
+        return self.along(times, x.T, self._solved(times, x, at), at.m, at.regime)
 
     def steady(self, t: float, at: Moment, noise: Vector) -> Vector:
         """The noise of guards, where it is as large beside this point, within the errors of states; shape (guards,).
