@@ -125,6 +125,24 @@ def test_what_has_a_finite_integral_is_integrated(name: str, solver: str) -> Non
     assert r.final("y") == pytest.approx(expected, abs=2e-5)
 
 
+class OfSquare(Component):
+    """The divisor is a variable that does not change its sign."""
+
+    x: Real = variable(default=fixed(1.0))
+    y: Real = variable(default=fixed(0.0))
+    square: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield self.square == self.x**2
+        yield der(self.y) == minimum(where(self.x > 0.0, 1.0, -1.0) / self.square, 5.0)
+
+
+def test_a_divisor_is_zero_where_what_it_is_the_square_of_is() -> None:
+    with pytest.raises(IntegrationError):
+        acausal.simulate(OfSquare(), stop_time=2.0, solver="rk", step=0.3)
+
+
 def test_a_divisor_that_jumps_over_zero_has_no_pole() -> None:
     """x goes from 1 to 1/2, and from -1/2 to -3/2: ln 2 - ln 3."""
     r = acausal.simulate(Passing(rate=lambda x, z: 1.0 / x, back=0.5), stop_time=1.5, solver="idas", tolerance=1e-8)

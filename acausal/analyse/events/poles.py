@@ -8,7 +8,7 @@ the other side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from acausal.flatten.pool import Pool
@@ -59,17 +59,17 @@ def divisors(
             if number not in known:
                 continue
             if op == "div":
-                factors |= _factors(pool, operands[1], moves)
+                factors |= _factors(pool, operands[1], defined, moves)
             elif op == "pow" and not moves(operands[1]) and bounds[operands[1]][0] < 0.0:
-                factors |= _factors(pool, operands[0], moves)
+                factors |= _factors(pool, operands[0], defined, moves)
             elif op == "tan" and moves(operands[0]):
                 angles.add(operands[0])
         defined[variable] = root
     return Divisors(tuple(sorted(n for n in factors if bounds[n][0] < 0.0 < bounds[n][1])), tuple(sorted(angles)))
 
 
-def _factors(pool: Pool, divisor: int, moves: Callable[[int], bool]) -> set[int]:
-    """What is zero where a divisor is: its factors, and what they are powers of."""
+def _factors(pool: Pool, divisor: int, defined: Mapping[int, int], moves: Callable[[int], bool]) -> set[int]:
+    """What is zero where a divisor is: its factors, and what they are powers of, also by definitions of variables."""
     found, stack = set[int](), [divisor]
     while stack:
         here = stack.pop()
@@ -80,6 +80,8 @@ def _factors(pool: Pool, divisor: int, moves: Callable[[int], bool]) -> set[int]
             stack += operands
         elif op in ("div", "pow", "sqrt", "fabs", "neg"):
             stack.append(operands[0])
+        elif op == "var" and operands[0] in defined:
+            stack.append(defined[operands[0]])
         else:
             found.add(here)
     return found
