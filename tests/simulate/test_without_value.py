@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import pytest
@@ -70,6 +71,15 @@ class Leaving(Component):
         yield der(self.y) == (1.0 if self.is_shown_only else self.s)
 
 
+_ARGUMENT = ca.MX.sym("x")
+ROOT = acausal.External(
+    "root",
+    lambda: ca.Function("root", [_ARGUMENT], [ca.if_else(_ARGUMENT >= 0.0, ca.sqrt(_ARGUMENT), math.nan)]),
+    inputs=((),),
+    outputs=((),),
+)
+
+
 class OfParameter(Component):
     """The integral of an operation on a parameter."""
 
@@ -79,6 +89,34 @@ class OfParameter(Component):
 
     def equations(self) -> Equations:
         yield der(self.y) == OPERATIONS[self.operation](self.p)
+
+
+class OfExternal(Component):
+    """An operation on a root that an external function computes."""
+
+    operation: Callable[[Any], Any] = structural()
+    x: Real = variable(default=fixed(1.0))
+    root: Real = variable()
+    y: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == -1.0
+        yield self.root == ROOT(self.x)
+        yield der(self.y) == self.operation(self.root)
+
+
+@pytest.mark.parametrize("solver", ["idas", "cvodes", "rosenbrock", "erk"])
+@pytest.mark.parametrize("operation", [lambda q: minimum(q, 2.0), lambda q: maximum(minimum(q, 2.0), 0.1)])
+def test_an_operation_on_an_external_function_without_a_value_has_none(operation: Operation, solver: str) -> None:
+    """The minimum of the root of x and 2 was 2 for x < 0, so that y became 2/3 + 2."""
+    with pytest.raises(AcausalError) as caught:
+        acausal.simulate(OfExternal(operation=operation), stop_time=2.0, solver=solver)
+    assert caught.value.result is not None  # type: ignore[attr-defined]
+    assert caught.value.result.time[-1] <= 1.0 + 5e-3  # type: ignore[attr-defined]
+    left_out = acausal.simulate(
+        OfExternal(operation=lambda q: where(q > -1.0, minimum(q, 2.0), 0.0)), stop_time=0.5, solver=solver
+    )
+    assert left_out.final("y") == pytest.approx(2.0 / 3.0 * (1.0 - 0.5**1.5), abs=1e-5)
 
 
 VALUES = {  # at p = 0.49

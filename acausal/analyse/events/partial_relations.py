@@ -30,7 +30,7 @@ _PARTIAL = frozenset(("pow", "sqrt", "log", "asin", "acos", "div"))
 _OF_FRACTIONS = frozenset(("add", "sub", "mul", "neg", "div"))
 _TINY = 1e-100
 # What a condition or a discrete memory below a relation contains is evaluated at events.
-_OPAQUE = frozenset((*RELATIONS, "and", "or", "not", "pre", "sample"))
+OPAQUE = frozenset((*RELATIONS, "and", "or", "not", "pre", "sample"))
 
 
 def in_domains(pool: Pool, existence: Existence, visible: Iterable[int], done: dict[int, int]) -> dict[int, int]:
@@ -175,7 +175,7 @@ class Existence:
                 a, b = operands[1:]
                 condition = pool.where(operands[0], self.conditions[a], self.conditions[b])
                 image = pool.where(operands[0], self.images[a], self.images[b])
-            elif op not in LEAVES and op not in _OPAQUE:
+            elif op not in LEAVES and op not in OPAQUE:
                 for n in operands:
                     condition = _both(pool, condition, self.conditions[n])
                 inside = [self.images[n] for n in operands]

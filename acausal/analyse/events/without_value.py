@@ -13,9 +13,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 from acausal.analyse.blocks.solve import Solution
-from acausal.analyse.events.partial_relations import Existence
+from acausal.analyse.events.partial_relations import OPAQUE, Existence
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.language.expressions.external import Call
+from acausal.language.expressions.lookup import Lookup
 from acausal.numeric.intervals import Interval
 
 EXTREMA = frozenset(("min", "max"))
@@ -30,7 +31,7 @@ class WithoutValue:
     """
 
     def __init__(self, solution: Solution, stated: Sequence[int]) -> None:
-        self._stated = stated
+        self._stated, self._definitions = stated, solution.definitions
         self.pool: Pool = solution.structure.reduced.pool
         self._varying: dict[int, bool] = {}
         self._existence = _OfModel(solution, self._varies, frozenset(stated), exempt=False)
@@ -46,8 +47,8 @@ class WithoutValue:
         return (op in _OPERATIONS or isinstance(op, Call)) and any(map(self.is_for, operands))
 
     def is_for(self, operand: int) -> bool:
-        """Whether an operand may have no value."""
-        return self._existence.may_fail(operand)
+        """Whether an operand may have no value: of external functions, nothing is known."""
+        return self._existence.may_fail(operand) or operand in self._external
 
     def images(self, numbers: Iterable[int], images: Mapping[int, int]) -> dict[int, int]:
         """Images of extrema that keep nan; `images` are those of other nodes."""
@@ -66,6 +67,27 @@ class WithoutValue:
             positive = pool.add(pool.const(2.0), pool.make("sign", done[n]))
             image = pool.mul(image, pool.make("noevent", pool.make("sign", positive)))
         return image
+
+    @cached_property
+    def _external(self) -> set[int]:
+        """Nodes that depend on an external function, also through definitions of variables."""
+        nodes, found, variables = self.pool.nodes, set[int](), set[int]()
+        sources = {
+            n for n, (op, *_) in enumerate(nodes) if isinstance(op, Call) and not isinstance(op.external, Lookup)
+        }
+        if not sources:
+            return found
+        done = set[int]()
+        for variable, root in (*self._definitions, *((None, n) for n in self._stated)):
+            for number in self.pool.reachable([root], done):
+                op, *operands = nodes[number]
+                done.add(number)
+                inside = op not in LEAVES and op not in OPAQUE and not found.isdisjoint(operands)
+                if inside or number in sources or (op == "var" and operands[0] in variables):
+                    found.add(number)
+            if root in found and variable is not None:
+                variables.add(variable)
+        return found
 
     def _varies(self, number: int) -> bool:
         """Whether a node depends on more than parameters."""

@@ -136,8 +136,7 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     actions = [(k, position) for k, clause in enumerate(events.clauses) for position, _ in clause.actions]
     x, decided_now, applied = ca.SX(s.x), ca.SX(decided), ca.SX(len(actions), 1)
     clash, proceeding, levels_done = ca.SX(0), ca.SX(1), level
-    found_impulses = impulses_of(compiled, s)
-    hits = {a for a, _ in impulses(compiled)}
+    found_impulses, hits = impulses_of(compiled, s), {a for a, _ in impulses(compiled)}
 
     def rises(nodes: Iterable[int]) -> Any:
         """Whether one of these conditions, all of which are decided, has become true."""
@@ -175,8 +174,8 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
     if found_impulses is not None:
         for a in found_impulses.actions:
             applied[a] = ca.logic_and(proceeding, acts(actions[a][0]))
-        after_impulses, possible = found_impulses.after(s, x, [applied[a] for a in found_impulses.actions])
-        x, clash = after_impulses, ca.logic_or(clash, ca.logic_not(possible))
+        x, possible = found_impulses.after(s, x, [applied[a] for a in found_impulses.actions])
+        clash = ca.logic_or(clash, ca.logic_not(possible))
     acting = [acts(k) for k in range(len(events.clauses))]
     # Evaluated after the resets: `pre` of a state is its value at the end of the round.
     next_memories = reactions(s.t, x, *s.inputs[2:])[4]
@@ -205,9 +204,8 @@ def round_of(compiled: Lowered, reactions: Any, s: Symbols) -> Any:
         asserts=asserts,
     )
     outputs: Any = ca.cse([ca.densify(v) for v in result])
-    return ca.Function(
-        "event_round", [*s.inputs, was, decided, level], outputs, _NAMES_IN, [f"{name}_after" for name in Round._fields]
-    )
+    names = [f"{name}_after" for name in Round._fields]
+    return ca.Function("event_round", [*s.inputs, was, decided, level], outputs, _NAMES_IN, names)
 
 
 def _reset_flags(compiled: Lowered) -> list[int]:
