@@ -82,3 +82,10 @@ def test_choices_that_are_too_many_are_named() -> None:
     assert any(n.startswith("AC414") and "episodes[0].s - episodes[0].at" in n and "1/5000" in n for n in notes), notes
     tents = [r.final(f"episodes[{k}].y") for k in range(chosen, chosen + 5)]
     assert tents == pytest.approx([1.0] * 5, abs=3e-2)
+
+
+def test_the_bound_on_steps_is_kept_beside_a_longer_max_step() -> None:
+    """No step is longer than 1/5000 of the run, as AC414 says, so that there are at least as many."""
+    model = Many(n=MOST + 1, chosen=MOST + 1)
+    r = acausal.simulate(model, stop_time=1.0, solver="rosenbrock", max_step=0.5, output_interval=1.0)
+    assert float(str(r.stats["steps"])) >= 5000.0

@@ -169,8 +169,9 @@ class Run:
             is_blind = "call" in operations and opts.max_step is None and not bounded
             unseen = note_on_externals(self.compiled) if is_blind else ""
             notes = tuple(note for note in (bounded, tables, unseen) if note)
-            if bounded and opts.max_step is None:  # error control sees what becomes active within a bounded step
-                opts = self.options = replace(opts, max_step=opts.span / UNWATCHED_STEPS)
+            if bounded:  # error control sees what becomes active within a bounded step
+                longest = opts.span / UNWATCHED_STEPS
+                opts = self.options = replace(opts, max_step=min(opts.max_step or longest, longest))
                 self.searches = False  # the note says what may be missed under this bound
         self.problem = Problem(self.compiled, self.p, self.u, opts.native)
         self.tables = self._tables()
