@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from acausal.flatten.pool import LEAVES
+from acausal.flatten.pool import LEAVES, Pool
 from acausal.language.expressions.external import Call
 from acausal.lower.compiled import CompiledModel
 from acausal.numeric.external import function, is_self_contained
-from acausal.simulate.driver.agenda import clocks
 from acausal.simulate.inputs.given import given_inputs
 from acausal.simulate.options import Options
 from acausal.simulate.options import options as run_options
@@ -33,12 +32,11 @@ def fingerprint(compiled: CompiledModel) -> str:
     if compiled.state_events:
         parts += [f.serialize() for f in (events.round, events.watch, events.reactions)]
     parts += [compiled.delay_signals.serialize()] if compiled.delays else []
-    values = np.array(compiled.parameter_values, dtype=float)
+    parts += [] if compiled.homotopy is None else [compiled.homotopy.serialize()]
     named = compiled.parameters, compiled.parameter_values, compiled.states, compiled.inputs
-    demanded = _demands(compiled)
     sizes = compiled.nominal_x.tolist(), compiled.nominal_z.tolist()
     own = [asdict(compiled.flat.experiment), *sizes]
-    parts.append(json.dumps([*named, clocks(compiled, values), demanded, own]))
+    parts.append(json.dumps([*named, _evaluated(compiled), _demands(compiled), own]))
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 
@@ -48,13 +46,28 @@ def unknown_functions(compiled: CompiledModel) -> list[str]:
     return sorted({call.external.name for call in calls if not is_self_contained(function(call.external))})
 
 
+def _evaluated(compiled: CompiledModel) -> list[str]:
+    """Expressions of parameters that runs evaluate without a function: clocks, and the longest delays."""
+    pool = compiled.solution.structure.reduced.pool
+    longest = [item.most for item in compiled.delays.items if item.most is not None]
+    roots = [*compiled.state_events.samples, *longest]
+    texts = _texts(pool, roots)
+    return [texts[n] for n in roots]
+
+
+def _texts(pool: Pool, roots: Sequence[int]) -> dict[int, str]:
+    """Hash of each node below `roots`, which does not depend on the numbers of nodes."""
+    texts: dict[int, str] = {}
+    for n in pool.reachable(roots):
+        op, *below = pool.nodes[n]
+        texts[n] = hashlib.sha256(repr((op, below if op in LEAVES else [texts[k] for k in below])).encode()).hexdigest()
+    return texts
+
+
 def _demands(compiled: CompiledModel) -> list[Any]:
     """Assertions and limits of parameters, because they decide whether a member fails."""
     flat = compiled.flat
-    texts: dict[int, str] = {}
-    for n in flat.pool.reachable([a.condition for a in flat.demands]):
-        op, *below = flat.pool.nodes[n]
-        texts[n] = hashlib.sha256(repr((op, below if op in LEAVES else [texts[k] for k in below])).encode()).hexdigest()
+    texts = _texts(flat.pool, [a.condition for a in flat.demands])
     assertions = [(a.message, a.level) for a in compiled.state_events.asserts]
     limits = [(f.declaration.min, f.declaration.max) for f in flat.parameters]
     return [assertions, [(texts[a.condition], a.message, a.level) for a in flat.demands], limits]

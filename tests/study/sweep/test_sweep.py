@@ -256,7 +256,8 @@ def test_a_finished_sweep_is_not_overwritten(tmp_path: Path) -> None:
 def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path) -> None:
     file = tmp_path / "x.sweep"
     acausal.sweep(_written()(), {"k": [1.0]}, file=file, workers=1)
-    for number in ("power", "level", "interval", "delay", "limit", "nominal", "max_step"):
+    numbers = "power", "level", "interval", "exponent", "delay", "longest", "limit", "nominal", "simplified", "max_step"
+    for number in numbers:
         with pytest.raises(UsageError, match="other model"):
             acausal.sweep(_written(**{number: 3.0})(), {"k": [1.0]}, file=file, workers=1, resume=True)
 
@@ -265,22 +266,27 @@ def _written(
     power: float = 2.0,
     level: float = 0.5,
     interval: float = 0.5,
+    exponent: float = 1.0,  # of a parameter that is 1: only other members differ
     delay: float = 0.1,
+    longest: float = 9.0,
     limit: float = 9.0,
     nominal: float = 1.0,
+    simplified: float = 2.0,
     max_step: float | None = None,
 ) -> Any:
     class Model(acausal.Component):
         k: acausal.Real = acausal.parameter(default=1.0)
         x: acausal.Real = acausal.variable(default=acausal.fixed(1.0), nominal=nominal)
         y: acausal.Real = acausal.variable(default=acausal.fixed(0.0))
+        w: acausal.Real = acausal.variable(default=1.0)
         d: acausal.Real = acausal.discrete(default=acausal.fixed(0.0))
         experiment: ClassVar[acausal.Experiment] = acausal.Experiment(max_step=max_step)
 
         def equations(self) -> acausal.Equations:
             yield acausal.der(self.x) == -self.k * self.x * power
-            yield acausal.der(self.y) == acausal.where(self.x > level, acausal.delay(self.x, delay), 0.0)
-            yield acausal.when(acausal.sample(0.0, interval), acausal.reset(self.d, self.x))
+            yield acausal.der(self.y) == acausal.where(self.x > level, acausal.delay(self.x, delay, longest), 0.0)
+            yield acausal.homotopy(self.w**2, simplified * self.w) == 4.0
+            yield acausal.when(acausal.sample(0.0, interval * self.k**exponent), acausal.reset(self.d, self.x))
             yield demand(self.k < limit, "k is too large")
 
     return Model
