@@ -1,11 +1,12 @@
 """Outcomes of a sweep in an SQLite file or in memory; outcomes of finished chunks survive a kill of the process.
 
 Each chunk is one transaction. Numbers are little-endian doubles and the definition is JSON, so that reading a file
-never executes code.
+never executes code. Each row ends with a digest of its other columns, because SQLite does not notice damaged values.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sqlite3
 from collections.abc import Iterator, Sequence
@@ -21,12 +22,14 @@ from acausal.errors import UsageError
 from acausal.result.signals import Signal
 from acausal.study.sweep.member import Outcome
 
-_FORMAT = "acausal sweep 1"
+_FORMAT = "acausal sweep 2"
+# Without BEGIN each table would be a transaction, and a kill between them would leave a file that is no sweep.
 _TABLES = """
-CREATE TABLE definition (format TEXT, content TEXT, member_values BLOB, grid BLOB);
+BEGIN;
+CREATE TABLE definition (format TEXT, content TEXT, member_values BLOB, grid BLOB, digest BLOB);
 CREATE TABLE members (
   member INTEGER PRIMARY KEY, code TEXT, message TEXT, notes TEXT, stop REAL, seconds REAL, events INTEGER,
-  final BLOB, grid_rows BLOB
+  final BLOB, grid_rows BLOB, digest BLOB
 );
 """
 
@@ -93,14 +96,15 @@ class Store:
         with _sqlite_errors(self.file), self._database:
             self._database.executescript(_TABLES)
             row = _FORMAT, json.dumps(definition.content), _bytes(definition.values), _bytes(definition.grid)
-            self._database.execute("INSERT INTO definition VALUES (?, ?, ?, ?)", row)
+            self._database.execute("INSERT INTO definition VALUES (?, ?, ?, ?, ?)", (*row, _digest(row)))
 
     def definition(self) -> Definition:
         """The definition of the sweep in the file."""
         with _sqlite_errors(self.file):
-            form, content, values, grid = self._database.execute("SELECT * FROM definition").fetchone()
+            form, *_ = row = self._database.execute("SELECT * FROM definition").fetchone()
             if form != _FORMAT:
                 raise sqlite3.DatabaseError(f"its format is '{form}'")
+            _, content, values, grid = self._intact(row, "its definition")
             known = json.loads(content)
         parameters, signals = (tuple(Signal(**s) for s in known[k]) for k in ("parameters", "signals"))
         table = _numbers(values).reshape(-1, len(parameters))
@@ -114,8 +118,8 @@ class Store:
                 o.code,
                 o.message,
                 json.dumps(o.notes),
-                o.stop,
-                o.seconds,
+                _without_nan(o.stop),
+                _without_nan(o.seconds),
                 o.events,
                 _bytes(o.final),
                 _bytes(o.rows),
@@ -123,12 +127,23 @@ class Store:
             for o in outcomes
         ]
         with _sqlite_errors(self.file), self._database:
-            self._database.executemany("INSERT OR REPLACE INTO members VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
+            statement = "INSERT OR REPLACE INTO members VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+            self._database.executemany(statement, [(*row, _digest(row)) for row in rows])
 
     def done(self) -> set[int]:
-        """Numbers of the stored members."""
+        """Numbers of the stored members whose values are intact."""
         with _sqlite_errors(self.file):
-            return {row[0] for row in self._database.execute("SELECT member FROM members")}
+            return {row[0] for row in self._database.execute("SELECT * FROM members") if row[-1] == _digest(row[:-1])}
+
+    def _intact(self, row: Sequence[Any], what: str) -> Sequence[Any]:
+        """The columns of a row before its digest; AC062 if they are not those that were written."""
+        if row[-1] != _digest(row[:-1]):
+            raise UsageError(
+                "AC062",
+                f"{self.file} is damaged: {what} differs from what was written",
+                help="resume=True runs damaged members again; otherwise give another file",
+            )
+        return row[:-1]
 
     def outcomes(self, definition: Definition) -> Iterator[Outcome]:
         """All stored outcomes, by member."""
@@ -137,19 +152,31 @@ class Store:
             _sqlite_errors(self.file),
             closing(self._database.execute("SELECT * FROM members ORDER BY member")) as found,
         ):
-            for member, code, message, notes, stop, seconds, events, final, rows in found:
+            for row in found:
+                member, code, message, notes, stop, seconds, events, final, rows = self._intact(row, f"member {row[0]}")
                 table = _numbers(rows).reshape(-1, columns)
                 yield Outcome(
                     member,
                     code,
                     message,
                     tuple(json.loads(notes)),
-                    np.nan if stop is None else stop,  # SQLite has no nan
+                    np.nan if stop is None else stop,
                     np.nan if seconds is None else seconds,
                     events,
                     _numbers(final),
                     table,
                 )
+
+
+def _digest(row: Sequence[Any]) -> bytes:
+    """Digest of the columns of a row: numbers, texts and bytes."""
+    parts = [value if isinstance(value, bytes) else repr(value).encode() for value in row]
+    return hashlib.sha256(b"".join(len(part).to_bytes(8, "little") + part for part in parts)).digest()
+
+
+def _without_nan(value: float) -> float | None:
+    """The value, or None for nan, which SQLite does not have."""
+    return None if np.isnan(value) else float(value)
 
 
 def _bytes(values: Vector) -> bytes:

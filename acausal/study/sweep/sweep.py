@@ -306,7 +306,7 @@ def _open_store(file: Path | None, definition: Definition, resume: bool) -> Stor
     if file is None:
         if resume:
             raise UsageError("AC062", "there is nothing to resume without a file", help="file='x.sweep'")
-    elif file.exists():
+    elif file.exists() and file.stat().st_size > 0:  # a kill before the first transaction leaves an empty file
         store = Store(file)
         known, done = store.definition(), len(store.done())
         if resume:

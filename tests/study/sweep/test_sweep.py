@@ -5,10 +5,12 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -251,6 +253,20 @@ def test_a_finished_sweep_is_not_overwritten(tmp_path: Path) -> None:
     ):
         decays({"k": [3.0]}, file=file)
     assert file.read_bytes() == before
+
+
+@pytest.mark.parametrize("change", ["stop = 0.5", "final = substr(final, 1, 8)", "grid_rows = substr(grid_rows, 1, 8)"])
+def test_damaged_members_are_refused_and_run_again(tmp_path: Path, change: str) -> None:
+    """x(1) = exp(-k). SQLite notices neither other bytes in a value nor a value without its end."""
+    file = tmp_path / "x.sweep"
+    decays({"k": [1.0, 2.0]}, file=file)
+    with closing(sqlite3.connect(file)) as database, database:
+        database.execute(f"UPDATE members SET {change} WHERE member = 1")
+    with pytest.raises(UsageError, match=r"(?s)AC062.*member 1 .*resume=True"):
+        acausal.load_sweep(file)
+    again = decays({"k": [1.0, 2.0]}, file=file, resume=True)
+    assert again.final("x") == pytest.approx(np.exp([-1.0, -2.0]), abs=1e-7)
+    assert again.stop_times.tolist() == [1.0, 1.0]
 
 
 def test_a_changed_model_does_not_go_on_in_the_file(tmp_path: Path) -> None:
