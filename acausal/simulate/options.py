@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,7 +142,9 @@ def options(
             f"steps of {chosen.step:g} s are fixed: a max_step of {max_step:g} s would change nothing",
             help="leave one of them out",
         )
-    return chosen
+    # it bounds nothing, so that a note on what long steps may miss is still due
+    is_idle = chosen.max_step is not None and chosen.max_step >= chosen.span
+    return replace(chosen, max_step=None) if is_idle else chosen
 
 
 def _number(name: str, value: object) -> float:

@@ -114,6 +114,8 @@ def test_a_relation_of_too_many_factors_is_noted(solver: str, caplog: pytest.Log
     caplog.clear()
     acausal.simulate(model, max_step=0.1, **given)
     assert "so many factors" not in caplog.text
+    acausal.simulate(model, max_step=1.0, **given)
+    assert "so many factors" in caplog.text, "a max_step as long as the run bounds nothing"
 
 
 _PRODUCTS: dict[str, Callable[..., Any]] = {
