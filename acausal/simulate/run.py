@@ -26,7 +26,7 @@ from acausal.simulate.driver.run import Progress, Run
 from acausal.simulate.inputs.given import Inputs, given_inputs
 from acausal.simulate.interrupt import interruptible
 from acausal.simulate.options import Options, options, parameter_vector
-from acausal.simulate.record.pivots import without_lost_pivots
+from acausal.simulate.record.divisors.pivots import without_lost_pivots
 from acausal.simulate.restructure.restructure import Pieces, RunPiece
 from acausal.simulate.review import reviews
 from acausal.simulate.start.initialize import Start

@@ -18,8 +18,9 @@ from acausal.simulate.equations.calls.buffered import rows
 from acausal.simulate.equations.calls.columns import by_columns
 from acausal.simulate.equations.calls.in_columns import in_columns
 from acausal.simulate.equations.calls.raw import Kept
-from acausal.simulate.native import columns, policy, tangents
+from acausal.simulate.native import policy
 from acausal.simulate.native.cache import compiler
+from acausal.simulate.native.columns import tangents, translation
 from acausal.simulate.native.program import address
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
@@ -57,7 +58,7 @@ def test_programs_compute_what_casadi_computes(seed: int) -> None:
     x, p = ca.SX.sym("x", 61), ca.SX.sym("p", 60)
     parts = [_part(seed, x[k], x[k + 1], p[k], ca.SX(0.3 + 0.01 * k)) for k in range(60)]
     function = ca.Function("f", [x, p], [ca.vertcat(*parts), parts[3] * parts[4]])
-    program = columns.program(function)
+    program = translation.program(function)
     assert program is not None
     assert program.columns < function.n_instructions() / 20
     made: Any = in_columns(function)
@@ -70,7 +71,7 @@ def test_programs_compute_what_casadi_computes(seed: int) -> None:
 
 def _derivatives(function: Any, *given: Any) -> tuple[Any, int]:
     """The derivatives of the first result by the first argument, and how many of them are not zero everywhere."""
-    program, library = columns.program(function), columns.library()
+    program, library = translation.program(function), translation.library()
     assert program is not None
     assert library is not None
     found = tangents.jacobian(program, 0, function.numel_out(0), function.numel_in(0))
@@ -83,7 +84,7 @@ def _derivatives(function: Any, *given: Any) -> tuple[Any, int]:
 
 def test_derivatives_are_those_that_casadi_writes_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of random functions, where they and CasADi's derivatives are finite; no entry is stored that is always zero."""
-    monkeypatch.setattr(columns, "_LEAST", 500)
+    monkeypatch.setattr(translation, "_LEAST", 500)
     x, p = ca.SX.sym("x", 41), ca.SX.sym("p", 40)
     compared = 0
     for seed in range(6):
@@ -105,7 +106,7 @@ def test_derivatives_are_those_that_casadi_writes_out(monkeypatch: pytest.Monkey
 
 def test_what_is_not_chosen_has_no_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
     """The slope of a root at zero is infinite: `x > 1 ? sqrt(x) : 0` is as flat at zero as it looks."""
-    monkeypatch.setattr(columns, "_LEAST", 1)
+    monkeypatch.setattr(translation, "_LEAST", 1)
     x = ca.SX.sym("x", 20)
     chosen = ca.vertcat(*(ca.if_else(x[k] > 1, x[k], 0) for k in range(20)))
     told, _ = _derivatives(ca.Function("f", [x], [ca.sqrt(chosen)]), np.array([0.0] * 19 + [4.0]))
@@ -115,7 +116,7 @@ def test_what_is_not_chosen_has_no_derivatives(monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("operation", range(len(UNARY) + len(BINARY)))
 def test_derivatives_of_each_operation(operation: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against differences, at points where the operation is smooth."""
-    monkeypatch.setattr(columns, "_LEAST", 1)
+    monkeypatch.setattr(translation, "_LEAST", 1)
     x = ca.SX.sym("x", 40)
     made = UNARY[operation](x[:20]) if operation < len(UNARY) else BINARY[operation - len(UNARY)](x[:20], x[20:])
     function = ca.Function("f", [x], [made])
@@ -161,9 +162,9 @@ def test_a_run_by_columns_takes_the_same_steps(solver: str, monkeypatch: pytest.
     asked: dict[str, Any] = {"stop_time": 1.0, "solver": solver, "tolerance": 1e-7}
     alone = acausal.simulate(model, native=False, **asked)
     monkeypatch.setattr(policy, "_REPAID", 0.0)
-    monkeypatch.setattr(columns, "_LEAST", 500)
+    monkeypatch.setattr(translation, "_LEAST", 500)
     used: list[int] = []
-    library: Any = columns.library()
+    library: Any = translation.library()
 
     class Counted:
         """The library that counts evaluations."""
@@ -173,7 +174,7 @@ def test_a_run_by_columns_takes_the_same_steps(solver: str, monkeypatch: pytest.
             used.append(1)
             return int(library.acausal_columns(program, given, wanted))
 
-    monkeypatch.setattr(columns, "library", lambda: Counted)
+    monkeypatch.setattr(translation, "library", lambda: Counted)
     together = acausal.simulate(model, **asked)
     counts: Any = together.stats
     assert len(used) == counts["rhs_evaluations"] > 0

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acausal.simulate.events.location.enclosures import Enclosure
+from acausal.simulate.events.resolution.enclosures import Enclosure
 
 _FORMS: dict[str, Callable[[Any, Any], Any]] = {
     "polynomial": lambda x, y: (x * y - 2 * x + 1) ** 2 - y**3,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from acausal.analyse.events.partial_relations import Existence
+from acausal.analyse.domains.partial_relations import Existence
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 
 KINKS = frozenset(("max", "min", "fabs"))

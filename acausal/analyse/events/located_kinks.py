@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
-from acausal.analyse.events.partial_relations import Existence
+from acausal.analyse.domains.partial_relations import Existence
 from acausal.analyse.events.steep import STEPS, steep
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem

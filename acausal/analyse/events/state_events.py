@@ -16,15 +16,15 @@ import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.delays import Delays
+from acausal.analyse.domains.branches import guarded
+from acausal.analyse.domains.partial_relations import Existence, in_domains
+from acausal.analyse.domains.without_value import EXTREMA, WithoutValue
 from acausal.analyse.events.by_modes import by_modes
-from acausal.analyse.events.domains import guarded
 from acausal.analyse.events.jumping_tables import jumping_tables, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
-from acausal.analyse.events.partial_relations import Existence, in_domains
 from acausal.analyse.events.resting import Kinks, split_at_kinks
 from acausal.analyse.events.steep import Moving
 from acausal.analyse.events.time_events import TimeEvents, segment_number
-from acausal.analyse.events.without_value import EXTREMA, WithoutValue
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool, closure
 from acausal.flatten.reduced import ReducedSystem
@@ -86,7 +86,7 @@ class StateEvents:
     flags: tuple[int, ...] = ()  # `initial()`, `infinitesimal()` and `terminal()`, if the model uses them
     relations: tuple[int, ...] = ()  # relations of variables, located
     # Maps `sign`, `floor` and `ceil` of variables to branches on such relations, and branches with partially defined
-    # functions to extensions (`acausal.analyse.events.domains`).
+    # functions to extensions (`acausal.analyse.domains.branches`).
     rewritten: dict[int, int] = field(default_factory=dict)
     # `clauses`, `assignments`, `asserts`: in the order of the source.
     clauses: tuple[Clause, ...] = ()

@@ -22,7 +22,7 @@ from acausal.simulate.driver.loop_memory import LoopMemory
 from acausal.simulate.equations.arguments import arguments as steep_arguments
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause
-from acausal.simulate.events.location.phases import may_pulse, must_be_searched
+from acausal.simulate.events.resolution.phases import may_pulse, must_be_searched
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram, EventLoopStructure
 from acausal.simulate.native.policy import Library

@@ -19,12 +19,12 @@ from acausal.simulate.events.errors import accumulated, unsettled
 from acausal.simulate.events.guards import Cause, Guards, Moment, same_instant
 from acausal.simulate.events.iteration import Happened, Iteration, Jump, Jumped
 from acausal.simulate.events.location.arrival import Arrival
-from acausal.simulate.events.location.guard_arguments import guard_arguments
-from acausal.simulate.events.location.patience import MOST_LOOKS
-from acausal.simulate.events.location.phases import may_pulse, shows_pulses
 from acausal.simulate.events.location.search import Search
 from acausal.simulate.events.loop_equations import compiled_program
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.resolution.guard_arguments import guard_arguments
+from acausal.simulate.events.resolution.patience import MOST_LOOKS
+from acausal.simulate.events.resolution.phases import may_pulse, shows_pulses
 from acausal.simulate.events.rest import Bounces
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library

@@ -40,9 +40,9 @@ from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
 from acausal.simulate.record.boundaries import event_log
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
+from acausal.simulate.record.divisors.poles import refuse_poles
 from acausal.simulate.record.meeting.branches import crossed_branches, looks
 from acausal.simulate.record.meeting.singular import singular_positions
-from acausal.simulate.record.poles import refuse_poles
 from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.record.undefined import undefined_relations

@@ -19,7 +19,7 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.interrupt import Interrupted
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
-from acausal.simulate.record.pivots import loses_pivots, may_lose_pivots
+from acausal.simulate.record.divisors.pivots import loses_pivots, may_lose_pivots
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import MOST_STEPS, pace, program

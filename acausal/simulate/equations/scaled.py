@@ -25,7 +25,7 @@ from acausal.simulate.equations.calls.in_columns import InColumns, derived, in_c
 from acausal.simulate.equations.calls.raw import Kept
 from acausal.simulate.equations.calls.reused import Reused, pays
 from acausal.simulate.equations.factorisation import FEW, Factorisation, factorisation
-from acausal.simulate.native.columns import is_long
+from acausal.simulate.native.columns.translation import is_long
 from acausal.simulate.native.equations import equations
 
 _DAE_INPUTS = ["t", "x", "z", "p", "u"]

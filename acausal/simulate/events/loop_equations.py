@@ -16,8 +16,8 @@ import casadi as ca
 
 from acausal.lower.variants.implicit import differentiable
 from acausal.simulate.equations.arguments import arguments as steep_arguments
-from acausal.simulate.events.location.phases import turning_rate
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.resolution.phases import turning_rate
 from acausal.simulate.native.equations import HELD, parametric
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.jacobian import jacobian

@@ -61,8 +61,8 @@ def compiler() -> str | None:
 
 @cache
 def _program() -> str:
-    """Hash of this folder, which writes the sources; a version number to be raised by hand would be forgotten."""
-    files = sorted(path for path in Path(__file__).parent.iterdir() if path.suffix in {".c", ".py"})
+    """Hash of all files here, which write the sources; a version number to be raised by hand would be forgotten."""
+    files = sorted(path for path in Path(__file__).parent.rglob("*") if path.suffix in {".c", ".py"})
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in files)).hexdigest()
 
 

@@ -2,7 +2,7 @@
 
 Such a relation keeps the mode it had, and is false at the start. No guard shows the instant at which it has a value
 again, so that this is only found within the step of the search. The rows of a run show both. The domains of other
-functions are known (`acausal.analyse.events.partial_relations`).
+functions are known (`acausal.analyse.domains.partial_relations`).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.record.pivots import may_lose_pivots
+from acausal.simulate.record.divisors.pivots import may_lose_pivots
 from acausal.simulate.solvers.attainable import units
 from acausal.simulate.solvers.base import MOST_STEPS, CasadiSolver, stepping
 from acausal.simulate.solvers.segment import Segment

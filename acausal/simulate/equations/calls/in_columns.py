@@ -11,7 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from acausal.simulate.native import columns, tangents
+from acausal.simulate.native.columns import tangents, translation
 from acausal.simulate.native.program import address
 
 # The Jacobian is computed by columns if it takes this many derivatives per instruction of the rates.
@@ -72,7 +72,7 @@ class BufferCallback(ca.Callback):
 class InColumns(BufferCallback):
     """A function that is evaluated by columns."""
 
-    def __init__(self, function: Any, library: Any, program: columns.Program) -> None:
+    def __init__(self, function: Any, library: Any, program: translation.Program) -> None:
         super().__init__(function.name(), function, outputs(function))
         self._call, self._program, self._alive = library.acausal_columns, ctypes.byref(program), program
 
@@ -84,7 +84,7 @@ class InColumns(BufferCallback):
 class JacobianInColumns(BufferCallback):
     """`jacF` of an integrator of an ODE: the Jacobian of the rates, and empty blocks for algebraic variables."""
 
-    def __init__(self, function: Any, library: Any, found: tangents.Jacobian, program: columns.Program) -> None:
+    def __init__(self, function: Any, library: Any, found: tangents.Jacobian, program: translation.Program) -> None:
         n = function.numel_in("x")
         shapes = {"jac_alg_x": (0, n), "jac_ode_z": (n, 0), "jac_alg_z": (0, 0)}
         blocks = {"jac_ode_x": found.sparsity, **{name: ca.Sparsity(*shape) for name, shape in shapes.items()}}
@@ -114,15 +114,15 @@ class Derived:
 
 def in_columns(function: Any) -> InColumns | None:
     """The function by columns; None if that does not pay off, or without a compiler."""
-    library = columns.library()
-    program = None if library is None else columns.program(function)
+    library = translation.library()
+    program = None if library is None else translation.program(function)
     return None if program is None else InColumns(function, library, program)
 
 
 def derived(rates: Any) -> Derived | None:
     """The rates `(t, x, z, p, u) -> (ode, alg)` of an ODE and their Jacobian by columns; None as for `in_columns`."""
-    library = columns.library()
-    program = None if library is None else columns.program(rates)
+    library = translation.library()
+    program = None if library is None else translation.program(rates)
     if program is None:
         return None
     jacobian_program = tangents.jacobian(program, rates.index_in("x"), rates.numel_out("ode"), rates.numel_in("x"))

@@ -26,12 +26,12 @@ from acausal.simulate.events.location.arrival import Arrival, first_passed, poli
 from acausal.simulate.events.location.between import left_guards
 from acausal.simulate.events.location.lingering import Overdue, overdue
 from acausal.simulate.events.location.outputs import NotDelivered, outputs
-from acausal.simulate.events.location.patience import Patience
-from acausal.simulate.events.location.phases import first_swing
 from acausal.simulate.events.location.task import FIRST_POINTS, MOST_STEPS, Mesh, Record, Task, needs_more_steps
 from acausal.simulate.events.location.turning import excursions
 from acausal.simulate.events.location.withdrawn import Withdrawn
 from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.resolution.patience import Patience
+from acausal.simulate.events.resolution.phases import first_swing
 from acausal.simulate.solvers import Solver
 from acausal.simulate.solvers.base import SEARCHED_STEPS, on_equations, pace, quadratures_at
 from acausal.simulate.solvers.segment import Piece, Segment, add_counters

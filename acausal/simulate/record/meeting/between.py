@@ -14,7 +14,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
-from acausal.simulate.record.blocks import Rows
+from acausal.simulate.record.divisors.blocks import Rows
 from acausal.simulate.record.record import Recorder
 
 Again = Callable[[int, Vector], Rows]  # repeats the run from one of its rows on, with rows at the given later times

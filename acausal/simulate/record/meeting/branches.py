@@ -31,10 +31,10 @@ from acausal.recent import once_per_owner
 from acausal.result.result import Result
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
-from acausal.simulate.record.blocks import Blocks, Rows
+from acausal.simulate.record.divisors.blocks import Blocks, Rows
+from acausal.simulate.record.divisors.poles import may_have_poles
 from acausal.simulate.record.meeting.between import UNTOLD, Again, rows_between
 from acausal.simulate.record.meeting.kinked import meeting_at_kinks
-from acausal.simulate.record.poles import may_have_poles
 from acausal.simulate.record.record import Recorder
 
 _WAYS = "a run may go straight on or turn off into another one"

@@ -21,10 +21,10 @@ from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import STILL, Guards, Moment
 from acausal.simulate.events.location.between import lower_bounds
-from acausal.simulate.events.location.changes import changes
-from acausal.simulate.events.location.guard_arguments import Arguments, guard_arguments
 from acausal.simulate.events.location.mesh import resolution
-from acausal.simulate.events.location.patience import Patience
+from acausal.simulate.events.resolution.changes import changes
+from acausal.simulate.events.resolution.guard_arguments import Arguments, guard_arguments
+from acausal.simulate.events.resolution.patience import Patience
 from acausal.simulate.solvers.segment import Piece, Segment
 
 # The largest change of a phase between two mesh points [rad]. With 32 points in each period, the parabolas through them

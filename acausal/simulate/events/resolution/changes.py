@@ -8,7 +8,7 @@ import numpy as np
 
 from acausal.arrays import Truth, Vector
 from acausal.simulate.events.location.between import lower_bounds
-from acausal.simulate.events.location.windings import FACTOR, WINDING
+from acausal.simulate.events.resolution.windings import FACTOR, WINDING
 
 # The largest logarithmic change of a steep function between two mesh points, that of a quotient, power or logarithm,
 # and that beyond both points, where a pulse is, if anywhere.

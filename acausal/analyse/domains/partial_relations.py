@@ -22,7 +22,7 @@ from functools import partial, reduce
 import numpy as np
 
 from acausal.analyse.blocks.solve import Solution
-from acausal.analyse.events.domains import extended
+from acausal.analyse.domains.branches import extended
 from acausal.flatten.pool import LEAVES, RELATIONS, Pool, closure
 from acausal.numeric.intervals import Interval, ranges
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 from acausal.analyse.blocks.solve import Solution
-from acausal.analyse.events.partial_relations import OPAQUE, Existence
+from acausal.analyse.domains.partial_relations import OPAQUE, Existence
 from acausal.flatten.pool import LEAVES, Pool
 from acausal.language.expressions.external import Call
 from acausal.language.expressions.lookup import Lookup

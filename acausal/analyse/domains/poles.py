@@ -34,7 +34,7 @@ def divisors(
     """The divisors in equations that vary between events and may pass zero.
 
     Those by which the equations are solved are chosen so that they do not pass zero
-    (`acausal.simulate.record.pivots`).
+    (`acausal.simulate.record.divisors.pivots`).
 
     `definitions`: Variables and the nodes that define them, in evaluation order.
     `stated`: The residuals of the equations before they were solved.

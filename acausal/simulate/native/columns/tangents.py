@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.simulate.native.columns import BINARY, CODES, Instructions, Program
+from acausal.simulate.native.columns.translation import BINARY, CODES, Instructions, Program
 from acausal.simulate.native.program import address
 
 # Operations with piecewise constant results.

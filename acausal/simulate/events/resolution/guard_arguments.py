@@ -19,9 +19,15 @@ from acausal.arrays import Truth
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.simulate.equations.calls.buffered import NarrowFunction
-from acausal.simulate.events.location.enclosures import Enclosure
-from acausal.simulate.events.location.guard_graph import GuardGraph
-from acausal.simulate.events.location.windings import FACTOR, WINDING, sampled_operations, unsampled, windings
+from acausal.simulate.events.resolution.enclosures import Enclosure
+from acausal.simulate.events.resolution.guard_graph import GuardGraph
+from acausal.simulate.events.resolution.windings import (
+    FACTOR,
+    WINDING,
+    sampled_operations,
+    unsampled,
+    windings,
+)
 
 _PERIODIC = frozenset(("sin", "cos", "tan"))
 # Which operand of a steep function is its argument; of a power it may also be the exponent.

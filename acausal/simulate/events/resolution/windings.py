@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Set
 
 from acausal.language.expressions.external import Call
-from acausal.simulate.events.location.guard_graph import GuardGraph
+from acausal.simulate.events.resolution.guard_graph import GuardGraph
 
 WINDING, FACTOR = "winding", "factor"
 """Operations of a relation of a high degree, with itself and its sides as operands, and of a factor in it."""

@@ -2,7 +2,7 @@
 
 The integral of 1/x over zero is infinite. Most solvers stop there for want of ever smaller steps, but where a run goes
 on from an event that rounding has placed behind the pole, or rounding lets a step end there, its values are arbitrary.
-The rows of a run show where a divisor changes its sign (`acausal.analyse.events.poles`); the rates on the way there
+The rows of a run show where a divisor changes its sign (`acausal.analyse.domains.poles`); the rates on the way there
 show whether it is a pole: sin(x)/x has none, and the integral of 1/sqrt(x) is finite.
 """
 
@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from acausal.analyse.events.poles import divisors
+from acausal.analyse.domains.poles import divisors
 from acausal.analyse.events.state_events import discrete_variables
 from acausal.analyse.events.steep import Moving
 from acausal.arrays import Vector
@@ -28,7 +28,7 @@ from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.equations.function_cache import functions_of
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.record.algebraic import corrected
-from acausal.simulate.record.blocks import Blocks, Rows
+from acausal.simulate.record.divisors.blocks import Blocks, Rows
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Tolerances
 

@@ -1,0 +1,1 @@
+"""Where expressions have a value: branches, relations and operations beyond their domain, and poles."""

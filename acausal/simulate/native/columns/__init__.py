@@ -1,0 +1,1 @@
+"""Functions evaluated by columns: each instruction for all equal parts together."""
