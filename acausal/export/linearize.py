@@ -21,7 +21,9 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
+from acausal.simulate.events.iteration import SLIDING
 from acausal.simulate.options import input_vector, parameter_vector
+from acausal.simulate.record.record import Dense
 from acausal.simulate.restructure.joined import renamed
 from acausal.simulate.restructure.restructure import lasting_names
 from acausal.simulate.start.initialize import Start, consistent, initialize
@@ -138,9 +140,9 @@ def linearize(
     InitializationError
         The model has no consistent values at the point.
     ExportError
-        AC604 when the equations are singular in the algebraic variables or dependent states at the point, or rates or
-        outputs have a kink or a jump there, AC608 when events change what they depend on, AC609 when `x` violates the
-        constraints.
+        AC604 when the equations are singular in the algebraic variables or dependent states at the point, when rates or
+        outputs have a kink or a jump there, or when the run is in a sliding mode; AC608 when events change what they
+        depend on; AC609 when `x` violates the constraints.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     wanted = named_outputs(compiled, outputs)
@@ -151,6 +153,8 @@ def linearize(
     lasting = lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
     p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting, parameters or {}), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
+    if result is not None:
+        _refuse_sliding(result, t)
     start = _point(compiled, t, p, u, result, x or {}, lasting)
     coordinates = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = [k for k in coordinates.places if k < len(compiled.states) - compiled.discretes]
@@ -173,8 +177,34 @@ def linearize(
         u,
         slopes.y,
         slopes.rates[places],
-        (*notes, *_between_rows(t, result)),
+        (*notes, *_between_rows(t, result), *_perhaps_sliding(result)),
     )
+
+
+def _refuse_sliding(result: Result, t: float) -> None:
+    """Raise ExportError AC604 where a run slides: its states are on one side of the switch by rounding or its errors.
+
+    Its rates, a mean of those of both sides, are those of neither, and beyond its surface they jump.
+    """
+    if isinstance(result.dense, Dense) and result.dense.is_sliding(t):
+        raise ExportError(
+            "AC604",
+            f"{result.model} has no linearization at t = {t:g} s: a relation is held at its switch there",
+            evidence=_notes_of_sliding(result)[:3],
+            cause="rates jump across the switch; in a sliding mode the run has a mean of both",
+            help="linearise before or after the sliding mode, or at other states without a run",
+        )
+
+
+def _perhaps_sliding(result: Result | None) -> list[str]:
+    """A note if the run has slid, but its result, as one that was read from a file, no longer knows when."""
+    found = [] if result is None or isinstance(result.dense, Dense) else _notes_of_sliding(result)
+    return [f"the result does not tell whether the run slides at this point: {note}" for note in found[:1]]
+
+
+def _notes_of_sliding(result: Result) -> list[str]:
+    notes: Any = result.stats.get("notes", ())
+    return [note for note in notes if SLIDING in note]
 
 
 def _between_rows(t: float, result: Result | None) -> list[str]:

@@ -6,6 +6,7 @@ Law: where the one-sided derivatives of x' differ, no matrix A is right; where t
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,9 +26,11 @@ from acausal import (
     minimum,
     no_event,
     sign,
+    sin,
     sqrt,
     structural,
     tanh,
+    time,
     variable,
     where,
 )
@@ -99,3 +102,26 @@ def test_rounding_errors_are_no_kink_and_hide_none(kink: float) -> None:
         return np.array([[2.0 + kink * (share > 0.0) + 1e-8 * np.sin(1e15 * share)]])
 
     assert (two_sides(at) is None) == (kink == 0.0)
+
+
+class Relay(Component):
+    """x1' = x2, driven onto the moving line x1 + x2/5 = 10 000 sin(t/10), on which it slides."""
+
+    x1: Real = variable(default=fixed(2e3))
+    x2: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x1) == self.x2
+        yield der(self.x2) == where(self.x1 + 0.2 * self.x2 > 1e4 * sin(0.1 * time), -3e5, 3e5)
+
+
+def test_a_sliding_run_has_no_linearization(tmp_path: Path) -> None:
+    """On the line x2' = 5 (1e3 cos(t/10) - x2), not 3e5: states beside it by their error have the rates of one side."""
+    run = acausal.simulate(Relay(), stop_time=1.0, tolerance=1e-6, solver="idas")
+    (start,) = (event.time for event in run.events)
+    for t in (start, 0.5, 1.0):
+        with pytest.raises(ExportError, match=r"AC604[\s\S]*sliding mode from"):
+            acausal.linearize(Relay(), t, result=run)
+    np.testing.assert_allclose(acausal.linearize(Relay(), 0.0, result=run).rates, [0.0, -3e5])  # before it: 2000 > 0
+    run.save(tmp_path / "relay.npz")
+    assert "sliding mode" in acausal.linearize(Relay(), 0.5, result=acausal.load(tmp_path / "relay.npz")).notes[-1]

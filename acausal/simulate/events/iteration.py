@@ -50,6 +50,9 @@ _MOST_TIED = 2
 _MOST_KEPT, _KEPT_WITHIN = 20, 1e-6
 Jumped = Callable[[float, Moment], tuple[Vector, tuple[Cause, ...]] | None]
 """Modes with which delayed signals are read at the delays of a moment, and causes; None if they are set already."""
+SLIDING = "sliding mode"
+"""How notes of sliding modes begin."""
+
 _SCALARS = tuple(Round._fields.index(name) for name in ("level", "settled", "clash"))
 
 
@@ -515,7 +518,7 @@ class Iteration:
         if (self.guards.distances(t, trial)[ends] < 0).any():
             return None
         for relation in (h.relation for h in regime.holds[len(moment.regime.holds) :]):
-            notes.append(f"sliding mode from t = {t:.9g} s on: {self.guards.texts[relation]} is held at its switch")
+            notes.append(f"{SLIDING} from t = {t:.9g} s on: {self.guards.texts[relation]} is held at its switch")
         return trial
 
     def _round(self, t: float, moment: Moment, was: Vector, decided: Vector, level: float) -> Round:

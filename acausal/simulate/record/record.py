@@ -478,6 +478,17 @@ class Dense:
         self._last = requested.copy(), values[position]
         return self._last[1]
 
+    def is_sliding(self, t: float) -> bool:
+        """Whether relations are held at their switch in the stretch that contains `t` or begins with it."""
+        recorder = self._recorder
+        k = recorder.before(t)
+        here, _, _, m = recorder.point(k)
+        if k + 1 < recorder.count:
+            later, _, _, m_later = recorder.point(k + 1)
+            m = m_later if later > here else m  # the first row of a stretch has the modes before it slides
+        held = m[len(m) - len(recorder.compiled.state_events.relations) :]
+        return bool(((held > 0.0) & (held < 1.0)).any())
+
     def _between(self, k: int, times: Vector) -> Vector:
         """Rows between row k and the next one, shape (times, columns)."""
         recorder = self._recorder
