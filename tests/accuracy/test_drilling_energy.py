@@ -33,7 +33,6 @@ def largest_residual(r: Result, balance: str = "balance") -> float:
         pytest.param(ForceControlledDrilling(), {}, id="force control"),
         pytest.param(SlidingDrill(), {}, id="sliding"),
         pytest.param(SlidingDrill(n=9.28), {"stop_time": 0.05}, id="sliding and turning"),
-        pytest.param(SoftMachine(), {"solver": "rosenbrock"}, id="soft machine, rosenbrock", marks=pytest.mark.slow),
     ],
 )
 def test_energy_of_a_scene_is_accounted_for(scene: Any, settings: dict[str, Any]) -> None:

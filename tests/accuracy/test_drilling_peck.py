@@ -89,10 +89,10 @@ def test_no_contact_is_stepped_over(solver: str, run: dict[str, Any], reference:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
-@pytest.mark.parametrize("rate", slow_but([0.3, 7.0], 0.3))
-def test_slow_and_fast_pecks(solver: str, rate: float) -> None:
-    r = acausal.simulate(PeckDrilling(rate=rate), stop_time=9.0, solver=solver)
-    assert r.final("drill.s_tar") == pytest.approx(by_hand(rate, 9.0)[0], abs=1e-7)
+@pytest.mark.parametrize(("rate", "stop"), [(0.3, 9.0), (7.0, 3.0)])
+def test_slow_and_fast_pecks(solver: str, rate: float, stop: float) -> None:
+    r = acausal.simulate(PeckDrilling(rate=rate), stop_time=stop, solver=solver)
+    assert r.final("drill.s_tar") == pytest.approx(by_hand(rate, stop)[0], abs=1e-7)
 
 
 class BothMove(Component):

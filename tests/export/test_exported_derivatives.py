@@ -22,12 +22,14 @@ from tests.export.complex_step import stepped
 Vector = NDArray[np.float64]
 
 POINTS, FEWEST = 100, 80
-# Holes that a drill may leave side by side (AC027), and what was before (AC035), are no functions of one instant.
-REFUSED = {"Delays": "AC035", "HolesSideBySide": "AC027", "RegenerativeTurning": "AC035"}
+# What was before is no function of one instant (AC035).
+REFUSED = {"Delays": "AC035", "RegenerativeTurning": "AC035"}
+# contact/test_mpr_derivatives.py has the derivatives of contacts, contact/test_choices.py the refusal of holes (AC027).
+ELSEWHERE = {"BoxStack", "HolesSideBySide"}
 # Runs of these end with an error or take seconds: points lie around the start.
-AT_START = {"BoxStack", "GimbalAngles", "PendulumDrift", "PendulumInconsistent", "RingModulator", "Wheelset"}
-# Whole matrices take half a minute and more to build: products with vectors say the same.
-LARGE = {"BoxStack", "FeketePoints"}
+AT_START = {"GimbalAngles", "PendulumDrift", "PendulumInconsistent", "RingModulator", "Wheelset"}
+# Whole matrices take half a minute to build: products with vectors say the same.
+LARGE = {"FeketePoints"}
 QUICK = {"BouncingBall", "CartPole", "DrillDynamic", "KelvinVoigtImpact", "ThickBlock"}
 
 
@@ -153,7 +155,7 @@ def test_derivatives_of_exported_functions(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted({m.name for m in shipped_models()} - QUICK - set(REFUSED)))
+@pytest.mark.parametrize("name", sorted({m.name for m in shipped_models()} - QUICK - set(REFUSED) - ELSEWHERE))
 def test_derivatives_of_every_exported_function(name: str) -> None:
     check(name)
 

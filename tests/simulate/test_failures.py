@@ -72,7 +72,6 @@ class Hysteresis(Component):
         ("idas", None),
         ("rosenbrock", None),
         pytest.param("erk", None, marks=pytest.mark.slow),
-        pytest.param("cvodes", None, marks=pytest.mark.slow),
         ("rk", 0.01),
         ("rk2", 0.01),
         ("collocation", 0.01),
@@ -80,8 +79,8 @@ class Hysteresis(Component):
 )
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6])
 def test_no_solver_goes_on_with_another_branch(solver: str, step: float | None, tolerance: float) -> None:
-    if (step is not None and tolerance < 1e-3) or (solver == "cvodes" and tolerance == 1e-3):
-        pytest.skip("fixed steps have no tolerance, and cvodes takes half a minute (docs/known-gaps.md)")
+    if step is not None and tolerance < 1e-3:
+        pytest.skip("fixed steps have no tolerance")
     with fails_with(IntegrationError, "AC402") as error:
         acausal.simulate(
             Hysteresis(), stop_time=2.0, solver=solver, step=step, tolerance=tolerance, output_interval=0.01

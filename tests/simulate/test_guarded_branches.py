@@ -208,7 +208,7 @@ def test_a_compiled_run_within_the_error_of_a_guard_ends_soon() -> None:
     """
     tolerance = 1e-6
     try:
-        result = acausal.simulate(BothRoots(), stop_time=10.0, solver="rosenbrock", tolerance=tolerance, native=True)
+        result = acausal.simulate(BothRoots(), stop_time=3.0, solver="rosenbrock", tolerance=tolerance, native=True)
     except EventError as error:
         result = error.result
     assert isinstance(result, acausal.Result)

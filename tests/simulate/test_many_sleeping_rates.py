@@ -64,10 +64,11 @@ class Many(Component):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("solver", "n"), [("idas", 155), ("rosenbrock", 155)])
-def test_none_of_hundreds_is_slept_through(solver: str, n: int) -> None:
-    """The area of a tent, 1e-5 to each side and 1e5 high, in runs of 25 s: each is awake for 1e-6 of it."""
-    r = acausal.simulate(Many(n=n), stop_time=25.0, solver=solver, tolerance=1e-6, output_interval=25.0)
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_none_of_hundreds_is_slept_through(solver: str) -> None:
+    """The area of a tent, 1e-5 to each side and 1e5 high, in runs of 12 s: each is awake for 2e-6 of it."""
+    n = MOST + 1
+    r = acausal.simulate(Many(n=n), stop_time=12.0, solver=solver, tolerance=1e-6, output_interval=12.0)
     assert [r.final(f"episodes[{k}].y") for k in range(n)] == pytest.approx([1.0] * n, abs=3e-2)
     assert not r.events
     assert not r.stats["notes"]

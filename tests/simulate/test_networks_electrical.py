@@ -169,7 +169,7 @@ def test_circuits(plan: Plan) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(plans(most=14))
 def test_many_circuits(plan: Plan) -> None:
     compare(plan)

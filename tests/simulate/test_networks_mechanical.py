@@ -159,7 +159,7 @@ def test_rotational(plan: Plan) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(st.booleans(), st.data())
 def test_many_trains(is_rotational: bool, data: st.DataObject) -> None:
     compare(data.draw(plans(is_rotational, most=14)), is_rotational)
