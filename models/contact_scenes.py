@@ -87,7 +87,7 @@ class BoxStack(Component):
             P_cutting=0.0,
             P_friction=self.scene.power_friction,
             P_compliant=self.scene.power_normal,
-            E_compliant=self.scene.energy_normal,
+            E_compliant=self.scene.energy,
             E=self.m / 2 * _total(moving) + self.scene.energy,
         )
 

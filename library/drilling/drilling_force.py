@@ -48,7 +48,10 @@ class DrillingForce(PartialDrillingForce):
     s_tar: Real = signal_output(unit="m", nominal=1e-3, doc="Target depth: the bottom of the hole")
     thrust: Real = signal_output(unit="N", nominal=1e3, doc="Feed force and indentation force, along the axis")
     power_cutting: Real = signal_output(unit="W", nominal=100.0, doc="Power of the cut, with the indentation")
-    power_damping: Real = signal_output(unit="W", doc="Power lost in the compliance of the contact")
+    power_normal: Real = signal_output(unit="W", doc="Power into the compliance of the contact, stored or lost")
+    power_damping: Real = signal_output(
+        unit="W", doc="Power lost in the compliance, except what is lost at once where the tip slips off an edge"
+    )
     energy: Real = signal_output(unit="J", doc="Energy stored in the compliance of the contact")
 
     def build(self) -> None:
@@ -99,13 +102,15 @@ class DrillingForce(PartialDrillingForce):
         """Distribution of the power thrust * v_axial + braking * omega supplied through the two frames.
 
         The spring of the contact, between the tip and the bottom of the hole, cannot pull: the energy stored in it is
-        lost if the tip leaves the bottom too fast for a contact force.
+        lost if the tip leaves the bottom too fast for a contact force, and at once if the axis leaves the workpiece.
+        No power expresses the latter: it is the integral of `power_normal` minus `energy`.
         """
         geometry, force = self.geometry, self.force
         deflection = maximum(self.s - self.s_tar, 0.0)
         v_ground = where(no_event(self.s > 0), self.v_tar, 0.0)
         yield self.thrust == force.F_N
         yield self.energy == self.k / 2 * deflection**2
+        yield self.power_normal == self.thrust * (geometry.v - v_ground)
         yield self.power_damping == (self.thrust - self.k * deflection) * (geometry.v - v_ground)
         # The depth of a tilted tip also changes when it slides along the face.
         along = self.thrust * (v_ground + self.v_axial - geometry.v)

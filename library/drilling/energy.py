@@ -13,7 +13,8 @@ class EnergyBalance(Component):
     integration error, so it checks the model (a force without its reaction is visible) and the tolerance.
 
     Losses of compliances may be given by supplied power and stored energy, `P_compliant` and `E_compliant`: the lost
-    power is then the rate of their difference.
+    power is then the rate of their difference. What is lost at one instant, as by the spring of a drill that slips off
+    an edge, has no power: only in this form it is part of `W_damping`, otherwise of the residual.
     """
 
     P_source: Real = signal_input(unit="W", doc="Power of all sources into the scene")

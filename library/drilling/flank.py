@@ -62,7 +62,10 @@ class FlankContact(Component):
     engaged: Real = signal_output(unit="m", nominal=1e-2, doc="Length of the flank in the hole")
     force: Real = signal_output(unit="N", shape=3, doc="Force of the wall on the drill, in frame_w")
     energy: Real = signal_output(unit="J", doc="Energy stored in the wall")
-    power_damping: Real = signal_output(unit="W", doc="Power lost in the wall")
+    power_normal: Real = signal_output(unit="W", doc="Power into the wall, stored or lost")
+    power_damping: Real = signal_output(
+        unit="W", doc="Power lost in the wall, except what is lost at once where the tip slips off an edge"
+    )
 
     def equations(self) -> Equations:
         a, w = self.frame_a, self.frame_w
@@ -77,7 +80,8 @@ class FlankContact(Component):
         yield self.force == total
         yield self.energy == ends[0][2] + ends[1][2]
         moment = cross(ends[0][0], ends[0][1]) + cross(ends[1][0], ends[1][1])
-        yield self.power_damping == -(ends[0][3] + ends[1][3]) - der(self.energy)
+        yield self.power_normal == -(ends[0][3] + ends[1][3])
+        yield self.power_damping == self.power_normal - der(self.energy)
         to_drill = a.R.T @ w.R
         yield w.f == total
         yield w.t == moment

@@ -138,7 +138,8 @@ class SlidingDrill(Component):
             P_source=self.force.u * self.slide.v + self.push * self.across.v - self.speed.flange.tau * self.speed.w,
             P_cutting=self.drill.power_cutting,
             P_friction=self.drill.power_friction,
-            P_damping=self.drill.power_damping,
+            P_compliant=self.drill.power_normal,
+            E_compliant=self.drill.energy,
             E=self.drill.energy + kinetic_energy(self.body),
         )
 

@@ -72,6 +72,18 @@ def test_the_soft_machine_yields_in_every_direction_and_drills() -> None:
         assert float(r.final(f"balance.{name}")) > 0.0, name
 
 
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock", "erk", "cvodes"])
+def test_a_drill_that_slips_off_an_edge_loses_the_energy_of_its_spring_at_once(solver: str) -> None:
+    """It does not turn and slides at rest along its axis, so that its spring holds F**2 / (2 k) at the edge."""
+    edge = {"drill.width": 2e-4}
+    r = acausal.simulate(SlidingDrill(), parameters=edge, stop_time=2e-3, solver=solver, tolerance=1e-9)
+    assert "AC191" in str(r.stats["notes"])
+    assert r["drill.thrust"][0] == pytest.approx(500.0)
+    assert r.final("drill.thrust") == 0.0
+    assert r.final("balance.W_damping") == pytest.approx(500.0**2 / (2 * 1e8), rel=1e-6)
+    assert largest_residual(r) < 1e-8
+
+
 def test_a_force_without_its_reaction_shows_in_the_balance() -> None:
     class Leaking(BalancedThickBlock):
         """The same scene, with a source that is not in the balance."""

@@ -180,7 +180,7 @@ class Tumbling(Component):
             P_cutting=0.0,
             P_friction=self.scene.power_friction,
             P_compliant=self.scene.power_normal,
-            E_compliant=self.scene.energy_normal,
+            E_compliant=self.scene.energy,
             E=self.box.m / 2 * (self.box.v_0 @ self.box.v_0)
             + self.box.I_11 / 2 * (self.box.w_a @ self.box.w_a)
             + self.scene.energy,

@@ -72,9 +72,10 @@ class ContactScene(Component):
     skin: float = structural(default=0.01, doc="Distance by which bounding boxes are inflated [m]")
 
     energy: Real = signal_output(unit="J", doc="Energy stored in all contacts")
-    energy_normal: Real = signal_output(unit="J", doc="Energy stored between surfaces")
-    power_normal: Real = signal_output(unit="W", doc="Power taken by normal forces between surfaces, stored or lost")
-    power_damping: Real = signal_output(unit="W", doc="Power lost by the damping of all contacts")
+    power_normal: Real = signal_output(unit="W", doc="Power into the compliance of all contacts, stored or lost")
+    power_damping: Real = signal_output(
+        unit="W", doc="Power lost by the damping of all contacts, except what drills lose at once at an edge"
+    )
     power_friction: Real = signal_output(unit="W", doc="Power lost by friction in all contacts")
     power_cutting: Real = signal_output(unit="W", doc="Power of all cuts")
 
@@ -133,7 +134,6 @@ class ContactScene(Component):
             yield connect(self._frame_of(other), other_end)
         for name in ("energy", "power_normal", "power_damping", "power_friction", "power_cutting"):
             yield getattr(self, name) == self._sum(name)
-        yield self.energy_normal == self._sum("energy", "power_normal")
         for _, body in self.moving:
             if body.reach is not None:
                 yield from self._within(body, *body.reach)
@@ -151,12 +151,12 @@ class ContactScene(Component):
             f"{body.name} has left its reach, {tuple(low)} to {tuple(high)} m: contacts out there are not modelled",
         )
 
-    def _sum(self, name: str, *others: str) -> Expr:
-        """Sum of a quantity over the contacts that have it; `others` are further names to add."""
+    def _sum(self, name: str) -> Expr:
+        """Sum of a quantity over the contacts that have it."""
         total = as_expr(0.0)
         for pair, contact in self._present():
             for account in self.bodies[self.maker(*pair)].accounts(contact):
-                if all(hasattr(type(account), n) for n in (name, *others)):
+                if hasattr(type(account), name):
                     total = total + getattr(account, name)
         return total
 
