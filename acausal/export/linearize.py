@@ -186,7 +186,7 @@ def _refuse_sliding(result: Result, t: float) -> None:
 
     Its rates, a mean of those of both sides, are those of neither, and beyond its surface they jump.
     """
-    if isinstance(result.dense, Dense) and result.dense.is_sliding(t):
+    if isinstance(result.dense, Dense) and result.dense.held(t) is not None:
         raise ExportError(
             "AC604",
             f"{result.model} has no linearization at t = {t:g} s: a relation is held at its switch there",

@@ -193,8 +193,10 @@ def _resolve(ends: Vector, fastest: float, again: bool) -> Vector:
 def _fastest(run: Run, result: Result) -> float:
     """Largest |eigenvalue| at some points of the run [1/s]."""
     c, p = run.compiled, run.p
-    matrix = StateMatrix(c, p, run.u)
-    found = (matrix.eigenvalues(at.t, at.x, at.z, at.m) for at in points(c, result, p, run.u, _POINTS))
+    found = (
+        StateMatrix(at.compiled, p, run.u).eigenvalues(at.t, at.x, at.z, at.m)
+        for at in points(c, result, p, run.u, _POINTS)
+    )
     return max((float(np.abs(v).max(initial=0.0)) for v in found if v is not None), default=0.0)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, time, variable
+from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, time, variable, where
 from acausal.errors import IntegrationError
 from acausal.simulate.step_limit.amplification import METHODS, Method
 from acausal.simulate.step_limit.state_matrix import StateMatrix
@@ -163,3 +163,31 @@ def test_a_step_longer_than_the_default_rows_is_taken_as_it_is(solver: str, limi
     # rows that were asked for are kept, by shorter steps
     asked = acausal.simulate(Decay(), stop_time=100.0, solver=solver, step=1.1 * limit, output_interval=0.5)
     assert len(asked.time) == 201
+
+
+class Relay(Component):
+    """Slides on the line x + v/100 = 0 from 0.33 s on, where x' = -100 x; its branches are double integrals."""
+
+    x: Real = variable(default=fixed(0.01))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == where(self.x + 0.01 * self.v > 0, -3.0, 3.0)
+
+
+@pytest.mark.parametrize(("solver", "bound"), [("rk2", 0.02), ("rk", 0.02785)])
+def test_the_mode_of_a_sliding_mode_limits_the_step(solver: str, bound: float) -> None:
+    """2/100 s and 2.785/100 s (Hairer and Wanner), by the run and by `stability`; the branches have no limit."""
+    with pytest.raises(IntegrationError, match=rf"(?s)AC405.* is {bound:.4g} s.*-100 1/s"):
+        acausal.simulate(Relay(), solver=solver, step=1.2 * bound, stop_time=2.0)
+    run = acausal.simulate(Relay(), solver=solver, step=0.9 * bound, stop_time=2.0)
+    assert run["x"][-1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_stability_sees_the_mode_of_a_sliding_mode() -> None:
+    """-100 1/s on the line."""
+    study = acausal.stability(Relay(), stop_time=2.0, tolerance=1e-6)
+    assert study.fastest_mode is not None
+    assert study.fastest_mode.eigenvalue == pytest.approx(-100.0)
+    assert study.largest_step("rk2") == pytest.approx(0.02)

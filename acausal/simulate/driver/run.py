@@ -216,7 +216,7 @@ class Run:
                 raise
             error.result = self.assembled(recorder, start.notes)  # type: ignore[union-attr]
             if limit is not None and isinstance(error, IntegrationError):
-                limit.check_run(recorder, error.result)
+                limit.check_run(recorder, error.result, self.equations_at)
             raise
         finally:
             self.timings["integrate"] = seconds() - began
@@ -232,7 +232,7 @@ class Run:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.assembled(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
         if limit is not None:
-            limit.check_run(recorder, result)
+            limit.check_run(recorder, result, self.equations_at)
         return result
 
     def start(self) -> Result:
@@ -410,6 +410,10 @@ class Run:
         is_fixed = self.solver.fixed_step or self.options.step is not None
         return _MOVED_FIXED if is_fixed else self.options.tolerances.scaled(10.0, _MOVED_LEAST).relative
 
+    def equations_at(self, t: float) -> CompiledModel:
+        """The model that is integrated just after a time, with the relations held there."""
+        return self.compiled if self.hybrid is None else self.hybrid.regime_at(t).compiled
+
     def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
         """Integrate again from a recorded row; the solution and its modes at `times`. RuntimeError if that fails."""
         here, x, z, m = recorder.point(row)
@@ -480,4 +484,5 @@ class Run:
             **({"events": len(events.boundaries)} if events.boundaries else {}),
             "time": {**self.compiled.timings, **self.timings},
         }
-        return make_result(recorder, events, stats, Dense(recorder, lambda row, at: self.again(recorder, row, at)))
+        dense = Dense(recorder, lambda row, at: self.again(recorder, row, at), self.equations_at)
+        return make_result(recorder, events, stats, dense)

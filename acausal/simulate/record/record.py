@@ -453,8 +453,8 @@ class Dense:
     Rows are nan where the solver fails, for example if the time is too close to the row before.
     """
 
-    def __init__(self, recorder: Recorder, again: IntegrateFrom) -> None:
-        self._recorder, self._integrate_from = recorder, again
+    def __init__(self, recorder: Recorder, again: IntegrateFrom, equations: Callable[[float], CompiledModel]) -> None:
+        self._recorder, self._integrate_from, self._equations = recorder, again, equations
         # signals of a result are requested one by one, usually at the same times
         self._last: tuple[Vector, Vector] | None = None
 
@@ -478,8 +478,8 @@ class Dense:
         self._last = requested.copy(), values[position]
         return self._last[1]
 
-    def is_sliding(self, t: float) -> bool:
-        """Whether relations are held at their switch in the stretch that contains `t` or begins with it."""
+    def held(self, t: float) -> tuple[CompiledModel, Vector] | None:
+        """(Equations, modes) just after `t` if relations are held at their switch there (a sliding mode), else None."""
         recorder = self._recorder
         k = recorder.before(t)
         here, _, _, m = recorder.point(k)
@@ -487,7 +487,7 @@ class Dense:
             later, _, _, m_later = recorder.point(k + 1)
             m = m_later if later > here else m  # the first row of a stretch has the modes before it slides
         held = m[len(m) - len(recorder.compiled.state_events.relations) :]
-        return bool(((held > 0.0) & (held < 1.0)).any())
+        return (self._equations(t), m) if ((held > 0.0) & (held < 1.0)).any() else None
 
     def _between(self, k: int, times: Vector) -> Vector:
         """Rows between row k and the next one, shape (times, columns)."""

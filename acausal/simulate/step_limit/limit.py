@@ -8,6 +8,7 @@ undamped oscillation with small steps of Heun's method is accepted.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from acausal.arrays import Complex, Vector
 from acausal.errors import IntegrationError
+from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.options import Options
@@ -41,7 +43,7 @@ class StepLimit:
 
     def __post_init__(self) -> None:
         method = next((m for m in METHODS if m.solver == self.solver), None)
-        guarded = method is not None and method.explicit and self.problem.n_dynamic > 0 and not self.matrix.inert
+        guarded = method is not None and method.explicit and self.problem.n_dynamic > 0
         self.method = method if guarded else None
 
     def check_start(self, t: float, x: Vector, z: Vector, m: Vector) -> None:
@@ -50,24 +52,26 @@ class StepLimit:
         The points after the first steps are checked too: a tool next to the workpiece may be in stiff contact after one
         step.
         """
-        if self.method is None:
+        matrix = self.matrix(self.problem.compiled)
+        if self.method is None or matrix.inert:
             return
         span = self.options.stop_time - self.options.start_time
         n = self.problem.n_dynamic
         for _ in range(_FIRST_STEPS):
-            rate = float(self._rates(np.array([t]), x[:, None], z[:, None], m[:, None])[0])
+            rate = float(self._rates(matrix, np.array([t]), x[:, None], z[:, None], m[:, None])[0])
             if rate * max(_FIRST_PART * span, self.step) > _LARGE_GROWTH:
-                raise self._refusal(t, x, z, m, rate * span)
-            speed, second = self.matrix.rates(t, x, z, m)
+                raise self._refusal(matrix, t, x, z, m, rate * span)
+            speed, second = matrix.rates(t, x, z, m)
             ahead = x[:n] + self.step * speed + 0.5 * self.step**2 * second
             if not np.isfinite(ahead).all():
                 return
             t, x = t + self.step, np.concatenate([ahead, x[n:]])
 
-    def check_run(self, recorder: Recorder, result: Result) -> None:
+    def check_run(self, recorder: Recorder, result: Result, equations: Callable[[float], CompiledModel]) -> None:
         """Refuse (AC405) a run, completed or failed, whose step amplified a mode somewhere.
 
-        The error carries `result`.
+        `equations` gives the model integrated just after a time: held relations add fast modes. The error carries
+        `result`.
         """
         if self.method is None or not recorder.segments:
             return
@@ -77,15 +81,21 @@ class StepLimit:
             return
         count = min(_POINTS_IF_SMALL if self.problem.n_dynamic <= _SMALL_SIZE else _POINTS, len(finite))
         chosen = np.unique(finite[np.linspace(0, len(finite) - 1, count).round().astype(int)])
-        rates = self._rates(times[chosen], x[:, chosen], z[:, chosen], m[:, chosen])
         instants = times[chosen]
+        models = [equations(float(t)) for t in instants]
+        rates = np.zeros(len(chosen))
+        for model in dict.fromkeys(models):
+            same = np.array([other is model for other in models])
+            k = chosen[same]
+            if not self.matrix(model).inert:
+                rates[same] = self._rates(self.matrix(model), times[k], x[:, k], z[:, k], m[:, k])
         durations = np.diff(np.concatenate([[instants[0]], 0.5 * (instants[1:] + instants[:-1]), [instants[-1]]]))
         amplified = np.where(rates > 0.0, rates * np.maximum(durations, self.step), 0.0)
         # rows after the one at which errors have outgrown the solution are meaningless
         worst = int(np.argmax(rates[: int(np.argmax(np.cumsum(amplified) > MOST_GROWTH)) + 1]))
         if amplified.sum() > MOST_GROWTH:
-            k = chosen[worst]
-            error = self._refusal(float(times[k]), x[:, k], z[:, k], m[:, k], float(amplified.sum()))
+            at, matrix = chosen[worst], self.matrix(models[worst])
+            error = self._refusal(matrix, float(times[at]), x[:, at], z[:, at], m[:, at], float(amplified.sum()))
             error.result = result
             raise error
 
@@ -97,18 +107,17 @@ class StepLimit:
             return min(step, self.options.stop_time - self.options.start_time)
         return interval / max(1, math.ceil(interval / step - 1e-9))
 
-    @property
-    def matrix(self) -> StateMatrix:
-        """The linearised state equations of this run."""
-        return StateMatrix(self.problem.compiled, self.problem.p, self.problem.u)
+    def matrix(self, model: CompiledModel) -> StateMatrix:
+        """The linearised state equations of this run while it integrates `model`."""
+        return StateMatrix(model, self.problem.p, self.problem.u)
 
-    def _rates(self, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
+    def _rates(self, matrix: StateMatrix, times: Vector, x: Vector, z: Vector, m: Vector) -> Vector:
         """Largest rate of numerical growth [1/s] at each point; 0 where it cannot be computed."""
         assert self.method is not None
         if self.problem.n_dynamic <= _SMALL_SIZE and len(self.problem.compiled.algebraic) <= _SMALL_SIZE:
-            spectra = list(self.matrix.spectra(times, x, z, m))
+            spectra = list(matrix.spectra(times, x, z, m))
         else:
-            several = (self.matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
+            several = (matrix.eigenvalues(float(t), x[:, k], z[:, k], m[:, k]) for k, t in enumerate(times))
             spectra = [np.full(1, np.nan, dtype=complex) if modes is None else modes for modes in several]
         rates = np.zeros(len(times))
         for k, modes in enumerate(spectra):
@@ -116,15 +125,17 @@ class StepLimit:
                 rates[k] = np.max(self.method.growth(modes, self.step))
         return rates
 
-    def _refusal(self, t: float, x: Vector, z: Vector, m: Vector, growth: float) -> IntegrationError:
+    def _refusal(
+        self, matrix: StateMatrix, t: float, x: Vector, z: Vector, m: Vector, growth: float
+    ) -> IntegrationError:
         assert self.method is not None
-        modes = self.matrix.eigenvalues(t, x, z, m)
+        modes = matrix.eigenvalues(t, x, z, m)
         assert modes is not None
         worst = modes[int(np.argmax(self.method.growth(modes, self.step)))]
         # for an undamped mode no step may be stable; then one that is harmless in this run
         largest = self.method.largest_step(modes)[0] or self.method.usable_step(modes, self.options.span)[0]
         size = float(np.abs(self.method.amplification(self.step * worst)))
-        names = ", ".join(self._participants(t, x, z, m, worst))
+        names = ", ".join(_participants(matrix, t, x, z, m, worst))
         factor = f"{math.exp(growth):.2g}" if growth < 500.0 else f"10^{growth / math.log(10.0):.0f}"
         return IntegrationError(
             "AC405",
@@ -138,15 +149,15 @@ class StepLimit:
             help=f"--step {0.9 * largest:.2g}, or an implicit solver (--solver rosenbrock); --force runs it anyway",
         )
 
-    def _participants(self, t: float, x: Vector, z: Vector, m: Vector, mode: complex) -> list[str]:
-        """Names of the states with the largest participation in a mode, in descending order."""
-        matrix = self.matrix
-        state_matrix = matrix.at(t, x, z, m) if matrix.size <= LARGEST_DENSE else None
-        if state_matrix is None:
-            return ["(too many states to name them)"]
-        factors = participation(state_matrix, mode)
-        order = np.argsort(-factors, kind="stable")[:3]
-        return [matrix.names[k] for k in order if factors[k] >= _LEAST_PARTICIPATION * factors[order[0]]]
+
+def _participants(matrix: StateMatrix, t: float, x: Vector, z: Vector, m: Vector, mode: complex) -> list[str]:
+    """Names of the states with the largest participation in a mode, in descending order."""
+    state_matrix = matrix.at(t, x, z, m) if matrix.size <= LARGEST_DENSE else None
+    if state_matrix is None:
+        return ["(too many states to name them)"]
+    factors = participation(state_matrix, mode)
+    order = np.argsort(-factors, kind="stable")[:3]
+    return [matrix.names[k] for k in order if factors[k] >= _LEAST_PARTICIPATION * factors[order[0]]]
 
 
 def participation(matrix: Vector, mode: complex) -> Vector:

@@ -19,6 +19,7 @@ from acausal.simulate.driver.run import Run
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.options import input_vector, parameter_vector
 from acausal.simulate.options import options as run_options
+from acausal.simulate.record.record import Dense
 from acausal.simulate.run import simulate
 
 # Maximum number of stretches between events that get a row, and of combinations of modes added to the points.
@@ -27,13 +28,17 @@ _MOST_STRETCHES, _MOST_MODES = 200, 20
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of the run: t [s], x (nx,), z (nz,), m (nm,), and the time [s] that it represents."""
+    """A point of the run: t [s], x (nx,), z (nz,), m (nm,), and the time [s] that it represents.
+
+    `compiled` are the equations of the run there: those of a sliding mode are others than those of the model.
+    """
 
     t: float
     x: Vector
     z: Vector
     m: Vector
     reach: float
+    compiled: CompiledModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,19 +198,22 @@ def points(compiled: CompiledModel, result: Result, p: Vector, u: Vector, count:
 
     def point(row: int, span: float) -> Point:
         t, x, z = float(result.time[row]), states[:, row], algebraic[:, row]
-        return Point(t, x, z, np.array(compiled.all_modes(t, x, z, u, p)).ravel(), span)
+        held = result.dense.held(t) if isinstance(result.dense, Dense) else None
+        own = compiled, np.array(compiled.all_modes(t, x, z, u, p)).ravel()
+        equations, m = own if held is None or held[0].states != compiled.states else held
+        return Point(t, x, z, m, span, equations)
 
     found = [point(int(row), float(span)) for row, span in zip(chosen, reach, strict=True)]
-    visited = {at.m.tobytes() for at in found}
+    visited = {(at.m.tobytes(), id(at.compiled)) for at in found}
     if not compiled.n_modes:
         return tuple(found)
-    missed: dict[bytes, list[Point]] = {}
+    missed: dict[tuple[bytes, int], list[Point]] = {}
     for a, b in zip(*_stretches(compiled, result, p), strict=True):
         row = (np.searchsorted(result.time, a, "right") + np.searchsorted(result.time, b, "left")) // 2
         if len(missed) < _MOST_MODES and a < result.time[row] < b:
             at = point(int(row), float(b - a))
-            if at.m.tobytes() not in visited:
-                missed.setdefault(at.m.tobytes(), []).append(at)
+            if (key := (at.m.tobytes(), id(at.compiled))) not in visited:
+                missed.setdefault(key, []).append(at)
     # one point for each combination of modes, which represents all the time spent in it
     found += [replace(several[0], reach=sum(at.reach for at in several)) for several in missed.values()]
     return tuple(sorted(found, key=lambda at: at.t))

@@ -127,9 +127,9 @@ def _verify(
     run: Trajectory, problem: Problem, method: Method, point: Point, eigenvalue: complex, step: float
 ) -> Check | None:
     """Verify a step by two runs from a point, one of them disturbed in a mode; None if this is impossible."""
-    matrix = StateMatrix(run.compiled, run.p, run.u)
-    if matrix.size > LARGEST_DENSE:
-        return None
+    matrix = StateMatrix(point.compiled, run.p, run.u)
+    if matrix.size > LARGEST_DENSE or point.compiled is not run.compiled:
+        return None  # `problem` has the equations of the model, which are not those of a sliding mode
     found = matrix.at(point.t, point.x, point.z, point.m)
     if found is None:
         return None

@@ -70,13 +70,13 @@ class Local:
 
 def along(run: Trajectory) -> tuple[tuple[Local, ...], tuple[float, ...]]:
     """(Linearised models at the points of a run, times [s] of points without one)."""
-    matrix = StateMatrix(run.compiled, run.p, run.u)
-    n = matrix.size
+    n = run.compiled.n_dynamic
     values = np.array([point.x[:n] for point in run.points]).reshape(len(run.points), n)
     moved = np.ptp(values, axis=0)
     moved = np.where(moved > 0.0, moved, 1e-6 * np.maximum(np.abs(values).max(axis=0, initial=0.0), 1e-300))
     found, none = [], []
     for point in run.points:
+        matrix = StateMatrix(point.compiled, run.p, run.u)
         modes = matrix.eigenvalues(point.t, point.x, point.z, point.m)
         if modes is None:
             none.append(point.t)
@@ -92,8 +92,8 @@ def along(run: Trajectory) -> tuple[tuple[Local, ...], tuple[float, ...]]:
 
 def mode(run: Trajectory, local: Local, eigenvalue: complex) -> Mode:
     """The mode of an eigenvalue, with its participating states."""
-    matrix = StateMatrix(run.compiled, run.p, run.u)
     point = local.point
+    matrix = StateMatrix(point.compiled, run.p, run.u)
     if matrix.size > LARGEST_DENSE:
         return Mode(complex(eigenvalue), point.t, ())
     found = matrix.at(point.t, point.x, point.z, point.m)
