@@ -73,7 +73,7 @@ class ScaledEquations:
         else:
             self._p, self._u = (v.copy() for v in values)
             self._columns = compiled.mapped(zeros)
-        self._integrators: Recent[Kept] = Recent(min(_INTEGRATORS, max(_UNKNOWNS // (self.n + self.nz), 1)))
+        self._integrators: Recent[Kept] = Recent(min(_INTEGRATORS, max(_UNKNOWNS // max(self.n + self.nz, 1), 1)))
         self._derived: Recent[tuple[Any, dict[str, Any]]] = Recent(_FORMS)
         self._reused: dict[_Form, tuple[Any, Reused]] = {}
         self._in_columns: dict[_Form, tuple[Any, InColumns | None]] = {}

@@ -65,8 +65,8 @@ def _written_out(compiled: CompiledModel, zeros: Sequence[int], *, is_differenti
     at = t + shift, full, z * scale_z, u, p_with_zeros, m
     ode, alg = (ca.densify(e) for e in compiled.rhs(*at))
     slopes = differentiable(compiled, at) if is_differentiated else None
-    for_slopes = [] if slopes is None else [slopes.rates[:n] / scale_x, slopes.values]
-    (ode, alg, *for_slopes), symbols, constants = parametric([ode[:n] / scale_x, alg, *for_slopes], p, u)
+    for_slopes = [] if slopes is None else [slopes.rates[:n, 0] / scale_x, slopes.values]
+    (ode, alg, *for_slopes), symbols, constants = parametric([ode[:n, 0] / scale_x, alg, *for_slopes], p, u)
     none = ca.SX(0, 1)
     inputs = [t, x, z, ca.vertcat(symbols, m, d, shift), ca.SX.sym("none", 0)]
     outputs = ["ode", "alg", "quad", "zero"]

@@ -95,12 +95,7 @@ class CasadiSolver:
 
     def _integrated(self, problem: Problem, segment: Segment) -> Piece:
         if problem.n_dynamic == 0:
-            # no plugin takes a problem without states, whose algebraic variables are a function of time
-            x = unmoved(problem, segment)
-            if not problem.compiled.algebraic:
-                return Piece(x, problem.solve_algebraic(segment, x), {})
-            z = problem.follow_algebraic(segment.start, segment.times, segment.x, segment.z, segment.p)
-            return Piece(x, on_equations(problem, segment, x, z), {})
+            return stateless(problem, segment)
         try:
             return self._piece(problem, segment, *self._solved(problem, segment))
         except Interrupted as stop:
@@ -276,6 +271,15 @@ def _all_states(problem: Problem, segment: Segment, x: Vector) -> Vector:
 def unmoved(problem: Problem, segment: Segment) -> Vector:
     """Discrete variables, which stay constant, at the output times; shape (nd, n)."""
     return np.tile(segment.x[len(segment.x) - problem.compiled.discretes :, None], (1, len(segment.times)))
+
+
+def stateless(problem: Problem, segment: Segment) -> Piece:
+    """The solution of a problem without states, which no plugin takes: its algebraic variables depend on time alone."""
+    x = unmoved(problem, segment)
+    if not problem.compiled.algebraic:
+        return Piece(x, problem.solve_algebraic(segment, x), {})
+    z = problem.follow_algebraic(segment.start, segment.times, segment.x, segment.z, segment.p)
+    return Piece(x, on_equations(problem, segment, x, z), {})
 
 
 def bounded(segment: Segment) -> dict[str, float]:

@@ -18,7 +18,7 @@ from acausal.simulate.equations.calls.buffered import BufferedFunction
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.equations.scaled import ScaledEquations
 from acausal.simulate.interrupt import Interrupted
-from acausal.simulate.solvers.base import CasadiSolver, quadratures_at, unmoved
+from acausal.simulate.solvers.base import CasadiSolver, quadratures_at, stateless, unmoved
 from acausal.simulate.solvers.segment import Piece, Segment
 
 # If a state is predicted to change by more than this in a step, relative to its size, an unchanged result is a failure.
@@ -106,6 +106,8 @@ class Rk2:
 
     def integrate(self, problem: Problem, segment: Segment) -> Piece:
         """Solve one segment with equal steps in each output interval, none longer than the given step."""
+        if not problem.n_dynamic:
+            return stateless(problem, segment)
         spans = np.diff(np.concatenate([[segment.start], segment.times]))
         try:
             return self._piece(problem, segment, *self._solved(problem, segment, spans, step_of(segment, self.name)))
