@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, time, variable, where
+from acausal import Component, Equations, Experiment, Real, cos, der, fixed, parameter, part, time, variable, where
 from acausal.errors import IntegrationError
 from acausal.simulate.step_limit.amplification import METHODS, Method
 from acausal.simulate.step_limit.state_matrix import StateMatrix
@@ -185,9 +185,19 @@ def test_the_mode_of_a_sliding_mode_limits_the_step(solver: str, bound: float) -
     assert run["x"][-1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_stability_sees_the_mode_of_a_sliding_mode() -> None:
+class Relays(Component):
+    """Five of them: systems that share no equation are run apart."""
+
+    relays: tuple[Relay, ...] = part()
+
+    def build(self) -> None:
+        self.relays = tuple(Relay() for _ in range(5))
+
+
+@pytest.mark.parametrize("model", [Relay, Relays])
+def test_stability_sees_the_mode_of_a_sliding_mode(model: type[Component]) -> None:
     """-100 1/s on the line."""
-    study = acausal.stability(Relay(), stop_time=2.0, tolerance=1e-6)
+    study = acausal.stability(model(), stop_time=2.0, tolerance=1e-6)
     assert study.fastest_mode is not None
     assert study.fastest_mode.eigenvalue == pytest.approx(-100.0)
     assert study.largest_step("rk2") == pytest.approx(0.02)

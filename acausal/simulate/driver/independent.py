@@ -30,7 +30,7 @@ from acausal.simulate.driver.smooth import Smooth
 from acausal.simulate.equations.problem import Problem
 from acausal.simulate.events.guards import Cause, Moment
 from acausal.simulate.events.location.between import between
-from acausal.simulate.events.regime import Regime
+from acausal.simulate.events.regime import Hold, Regime
 from acausal.simulate.native.event_loop import EventLoopProgram
 from acausal.simulate.native.policy import Library
 from acausal.simulate.record.boundaries import Boundaries
@@ -224,13 +224,26 @@ class IndependentSystems:
         """States, variables and modes that the run has reached."""
         if self.one is not None:
             return self.one.reached
+        return Moment(self._x, _NO_Z, self._m, self._regime([m.dynamics.reached.regime for m in self.members]))
+
+    def regime_at(self, t: float) -> Regime:
+        """The regime in force just after a time."""
+        if self.one is not None and t >= self.joined:
+            return self.one.regime_at(t)
+        of_members = (member.dynamics for member in self.members)
+        return self._regime([d.regime_at(t) if isinstance(d, Hybrid) else Regime(d.problem) for d in of_members])
+
+    def _regime(self, regimes: Sequence[Regime]) -> Regime:
+        """The regime of the whole model that consists of those of its systems."""
         holds = []
         first = self.problem.compiled.n_modes - len(self.problem.compiled.state_events.relations)
-        for member in self.members:
-            moment, model = member.dynamics.reached, member.part.model
+        for member, regime in zip(self.members, regimes, strict=True):
+            model, states = member.part.model, member.part.states
             relations = member.part.modes[model.n_modes - len(model.state_events.relations) :] - first
-            holds += [replace(h, relation=int(relations[h.relation])) for h in moment.regime.holds]
-        return Moment(self._x, _NO_Z, self._m, Regime(self.problem, tuple(holds)))
+            targets = [None if h.target is None else int(states[h.target]) for h in regime.holds]
+            relation_of = [int(relations[h.relation]) for h in regime.holds]
+            holds += [Hold(*pair) for pair in zip(relation_of, targets, strict=True)]
+        return Regime(self.problem, tuple(holds))
 
     @property
     def equations(self) -> Problem:

@@ -412,7 +412,8 @@ class Run:
 
     def equations_at(self, t: float) -> CompiledModel:
         """The model that is integrated just after a time, with the relations held there."""
-        return self.compiled if self.hybrid is None else self.hybrid.regime_at(t).compiled
+        events = self.independent or self.hybrid
+        return self.compiled if events is None else events.regime_at(t).compiled
 
     def again(self, recorder: Recorder, row: int, times: Vector) -> tuple[Piece, Vector]:
         """Integrate again from a recorded row; the solution and its modes at `times`. RuntimeError if that fails."""
