@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import product
 
 import numpy as np
 import pytest
@@ -76,7 +75,7 @@ def probe(
 
 @pytest.mark.parametrize(
     ("x", "tilt"),
-    slow_but(list(product([0.0, 0.02, -0.035], [0.0, 5.0, 20.0])), (0.0, 0.0), (-0.035, 5.0)),
+    slow_but([(0.0, 0.0), (-0.035, 5.0), (0.0, 20.0), (0.02, 20.0)], (0.0, 0.0), (-0.035, 5.0)),
 )
 def test_a_box_is_the_plate(tilt: float, x: float) -> None:
     """Through the plate and out of it, at any place and up to 20 degrees: the levels agree to rounding."""

@@ -60,7 +60,7 @@ _CASES = [
     (model, form, w, c, solver, native)
     for model in (Push, AlgebraicPush)
     for form in ("tent", "square", "two relations")
-    for w, c in ((1e-7, 0.31), (1e-8, 0.5), (1e-9, 0.73), (1e-10, 0.31))
+    for w, c in ((1e-8, 0.5), (1e-9, 0.73), (1e-10, 0.31))
     for solver in ("rosenbrock", "erk", "idas", "cvodes")
     for native in (False, True)
     if not native or (model is Push and solver in ("rosenbrock", "erk"))  # only these have compiled events
@@ -94,7 +94,7 @@ def test_a_short_push_transfers_its_momentum(
         [
             (solver, periods, c)
             for solver in ("rosenbrock", "erk", "idas", "cvodes")
-            for periods, c in ((6.6, 0.021), (10.1, 0.31), (17.5, 0.808), (22.1, 0.831), (36.8, 0.498))
+            for periods, c in ((6.6, 0.021), (10.1, 0.31), (17.5, 0.808), (22.1, 0.831))
         ],
         ("rosenbrock", 10.1, 0.31),
         ("erk", 22.1, 0.831),
@@ -120,7 +120,7 @@ def test_the_first_place_is_not_passed_over(solver: str, periods: float, c: floa
         [
             (form, w, solver, native)
             for form in ("tent", "square", "two relations")
-            for w in (1e-8, 1e-9, 1e-10)
+            for w in (1e-9, 1e-10)
             for solver in ("rosenbrock", "erk")
             for native in (False, True)
             if (form, w, native) != ("square", 1e-10, True)  # the known gaps

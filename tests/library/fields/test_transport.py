@@ -63,22 +63,21 @@ def test_upwind_moves_with_the_flow_and_spreads_by_half_a_cell(v: float) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("v", [0.2, pytest.param(-0.2, marks=pytest.mark.slow)])
-def test_the_limiter_makes_no_extremes_and_keeps_a_bump(v: float) -> None:
+@pytest.mark.parametrize(("v", "shape", "share"), [(0.2, "square", 0.4), (-0.2, "bump", 0.2)])
+def test_the_limiter_makes_no_extremes_and_keeps_a_bump(v: float, shape: str, share: float) -> None:
     """Harten's theorem: a TVD scheme stays between the extremes of the start; it is nearer than upwind, too."""
     n, t = 100, 2.0
     at = 0.5 - v * t / 2.0
-    square = np.where(np.abs(middles(n) - at) < 0.1, 1.0, 0.0)
-    for start in (square, bump(n, at, 0.05)):
-        errors = []
-        for scheme in ("upwind", "van_leer"):
-            made = lambda scheme=scheme: Channel(n=n, v=v, scheme=scheme, free_a=True, free_b=True)  # noqa: E731
-            c = profile(run(made, start, stop_time=t), n)
-            assert c.min() > -1e-5
-            assert c.max() < 1.0 + 1e-5
-            assert c.sum() == pytest.approx(start.sum(), rel=5e-4)  # a tail leaves
-            errors.append(np.abs(c - np.roll(start, round(v * t * n))).mean())
-        assert errors[1] < (0.4 if start is square else 0.2) * errors[0]
+    start = bump(n, at, 0.05) if shape == "bump" else np.where(np.abs(middles(n) - at) < 0.1, 1.0, 0.0)
+    errors = []
+    for scheme in ("upwind", "van_leer"):
+        made = lambda scheme=scheme: Channel(n=n, v=v, scheme=scheme, free_a=True, free_b=True)  # noqa: E731
+        c = profile(run(made, start, stop_time=t), n)
+        assert c.min() > -1e-5
+        assert c.max() < 1.0 + 1e-5
+        assert c.sum() == pytest.approx(start.sum(), rel=5e-4)  # a tail leaves
+        errors.append(np.abs(c - np.roll(start, round(v * t * n))).mean())
+    assert errors[1] < share * errors[0]
 
 
 class Between(Component):
