@@ -13,6 +13,8 @@ import acausal
 from acausal import Component, Equations, Real, der, fixed, guess, integer, pre, reset, sin, time, variable, when, where
 from acausal.models.ivp.charge_pump import ChargePump
 from acausal.models.stability.drilling import DrillDynamic
+from acausal.simulate.record.algebraic import corrected
+from acausal.simulate.solvers.segment import Tolerances
 from tests.marks import slow_but
 
 _OMEGA = 100 * np.pi
@@ -89,3 +91,13 @@ def test_algebraic_variables_of_the_charge_pump_do_not_depend_on_the_output_grid
     u3 = np.asarray(coarse["circuit.U3"])[last]
     assert np.max(np.abs(u3)) > 35.0
     assert np.max(np.abs(u3 - np.asarray(fine["circuit.U3"])[rows])) < 1e-6 * 36.0
+
+
+@pytest.mark.parametrize("z", [1e40, 1e127, 1e200, -1e308, np.inf, np.nan])
+def test_values_of_a_solver_that_diverged_are_refused(z: float) -> None:
+    """`idas` leaves its last iterate in a row; where powers of it overflow, no residual is small relative to them."""
+    compiled = acausal.compile(Cubic())
+    x = np.array([[2.0]] + [[0.0]] * (len(compiled.states) - 1))
+    p, m = np.zeros(len(compiled.parameters)), np.zeros(compiled.n_modes)
+    with pytest.raises(RuntimeError, match="not solved"):
+        corrected(compiled, np.array([2.0]), x, np.array([[z]]), np.zeros(0), p, m, Tolerances(1e-6, 1e-3))

@@ -52,9 +52,10 @@ def corrected(
     for _ in range(_MOST_ITERATIONS):
         change = rows(newton.step, (times[remaining, None], states[remaining], iterates, u, p, m))
         iterates = iterates - change
-        done = (np.abs(change) <= _CONVERGED * (scale + np.abs(iterates))).all(axis=1)  # false for nan
+        is_finite = np.isfinite(iterates).all(axis=1)
+        done = is_finite & (np.abs(change) <= _CONVERGED * (scale + np.abs(iterates))).all(axis=1)
         corrected_z[remaining[done]], has_converged[remaining[done]] = iterates[done], True
-        continues = ~done & np.isfinite(iterates).all(axis=1)
+        continues = is_finite & ~done
         remaining, iterates = remaining[continues], iterates[continues]
         if not len(remaining):
             break
@@ -63,6 +64,6 @@ def corrected(
         terms = abs(newton.slope(*at).sparse()) @ (1.0 + np.abs(corrected_z[k]) / scale)
         residual = np.abs(np.array(compiled.rhs(*at)[1]).ravel())
         allowed = tolerances.scaled(_TOLERANCES, least=_ALLOWED).relative
-        if not (residual <= allowed * terms + _ROUNDING).all():  # nan compares false
+        if not (np.isfinite(residual) & (residual <= allowed * terms + _ROUNDING)).all():
             raise RuntimeError("CONV_FAIL: the algebraic equations are not solved")
     return corrected_z.T

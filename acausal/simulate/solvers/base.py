@@ -110,9 +110,9 @@ class CasadiSolver:
         # Without scaling there is no copy: with 10 000 states and 500 outputs it takes as long as the integration.
         x = scaled_x.T if (problem.scale_x == 1.0).all() else scaled_x.T * problem.scale_x[:, None]
         stopped = str(stats.get("stopped", ""))
-        if not np.isfinite(x).all():
+        if not (np.isfinite(x).all() and np.isfinite(scaled_z).all()):
             stopped = stopped or "the solution is not finite"
-            count = int(np.argmin(np.isfinite(x).all(axis=0)))
+            count = int(np.argmin(np.isfinite(x).all(axis=0) & np.isfinite(scaled_z).all(axis=1)))
             if not segment.partial or not count:
                 raise RuntimeError(stopped)
             x, scaled_z = x[:, :count], scaled_z[:count]
