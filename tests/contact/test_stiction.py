@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal.library.contact import Hybrid
+from acausal import Component, Equations, connect, fixed, part, structural
+from acausal.library.contact import FrictionLaw, HalfSpace, Hybrid, KelvinVoigt, LuGre, Sphere, SurfaceContact
+from acausal.library.multibody import Body, Prismatic, Revolute, World
+from acausal.library.multibody.orientation import IDENTITY
+from acausal.library.rotational import Speed
 from tests.contact.scenes import G, OnGround
 from tests.marks import slow_but
 
@@ -88,3 +92,49 @@ def test_a_tumbling_box_keeps_its_energy_balance() -> None:
     )
     assert {0.0, 1.0, 2.0} <= set(r["contact.mode"])
     assert np.abs(r["balance.residual"]).max() < 1e-6 * np.abs(r["balance.W_source"]).max()
+
+
+TURN, RADIUS, MASS, SPRING = 6.0, 0.1, 0.1, 1e5
+"""A turning table [rad/s], and on it a body at a radius [m] with a mass [kg], held by a spring per newton [1/m]."""
+
+
+class TurningTable(Component):
+    """A ball is pressed on a turning table with 1 N, on a guide that lets it move outwards, and is held by friction."""
+
+    law: FrictionLaw = structural(default=Hybrid(mu=0.6, s_0=SPRING))
+    world: World = World(g=0.0)
+    axle: Revolute = Revolute(n=(0.0, 0.0, 1.0), phi=fixed(0.0))
+    speed: Speed = Speed(w_ref=TURN)
+    guide: Prismatic = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(RADIUS), v=fixed(0.0))
+    ball: Body = Body(m=MASS)
+    contact: SurfaceContact = part()
+
+    def build(self) -> None:
+        self.contact = SurfaceContact(
+            shape_a=Sphere(0.01),
+            shape_b=HalfSpace(),
+            pose_b=((0.0, 0.0, 1e-4 - 0.01), IDENTITY),
+            law=KelvinVoigt(k=1e4),
+            friction=self.law,
+        )
+
+    def equations(self) -> Equations:
+        yield connect(self.world.frame_b, self.axle.frame_a)
+        yield connect(self.axle.frame_b, self.guide.frame_a, self.contact.frame_b)
+        yield connect(self.guide.frame_b, self.ball.frame_a, self.contact.frame_a)
+        yield connect(self.speed.flange, self.axle.axis)
+
+
+@pytest.mark.parametrize(
+    "law", [Hybrid(mu=0.6, s_0=SPRING), LuGre(mu=0.6, mu_s=0.7, s_0=SPRING)], ids=["hybrid", "lugre"]
+)
+def test_what_sticks_to_a_turning_table_turns_with_it(law: FrictionLaw) -> None:
+    """The centrifugal force is a constant load on the table, m w**2 r per newton, which bends the spring once."""
+    r = acausal.simulate(TurningTable(law=law), stop_time=0.5, tolerance=1e-7, solver="idas")
+    bent = MASS * TURN**2 * RADIUS / SPRING
+    away = r["guide.s"] - RADIUS
+    assert float(r.at(0.5, "guide.s")) - float(r.at(0.4, "guide.s")) == pytest.approx(0.0, abs=1e-3 * bent)
+    if isinstance(law, Hybrid):
+        assert float(away[-1]) == pytest.approx(bent, rel=1e-3)
+    z = r["contact.bristle"][-1] @ np.array([np.cos(0.5 * TURN), np.sin(0.5 * TURN), 0.0])
+    assert float(z) == pytest.approx(bent, rel=1e-3)

@@ -115,13 +115,16 @@ class SurfaceContact(Component):
         yield b.t == -(b.R.T @ (moment + cross(origin - b.r_0, self.f_0)))
         if self.friction.has_bristle:
             carried = _total([self._slip(p) * load.pressed for p, load in zip(points, loads, strict=True)])
-            yield self.slip == carried / maximum(self.F_N, self.law.elastic(_LIGHT))
+            all_pressed = maximum(self.F_N, self.law.elastic(_LIGHT))
+            yield self.slip == carried / all_pressed
+            turns = [p.normal * (self._spin(p) * load.pressed) for p, load in zip(points, loads, strict=True)]
+            turned = cross(_total(turns) / all_pressed, self.bristle)
         if isinstance(self.friction, Hybrid):
-            yield from self._modes(self.friction)
+            yield from self._modes(self.friction, turned)
         elif isinstance(self.friction, LuGre):
             slip = self.slip
             straight = self.bristle / -self.friction.relaxation
-            bent = self.friction.bristle_rate(self.bristle, slip)
+            bent = self.friction.bristle_rate(self.bristle, slip) + turned
             touching = no_event(self.depth > 0)
             yield der(self.bristle) == as_expr([where(touching, bent[k], straight[k]) for k in range(3)])
         if not self.friction.has_bristle:
@@ -139,8 +142,11 @@ class SurfaceContact(Component):
     def _is_relative(self) -> bool:
         return isinstance(self.shape_a, Box) and isinstance(self.shape_b, Box) and not self.friction.has_bristle
 
-    def _modes(self, law: Hybrid) -> Equations:
-        """Transitions between the modes, and the deflection of the spring between the surfaces."""
+    def _modes(self, law: Hybrid, turned: Expr) -> Equations:
+        """Transitions between the modes, and the deflection of the spring between the surfaces.
+
+        `turned` is the rate of the deflection due to the rotation of the surfaces alone [m/s], vector.
+        """
         stuck, slow = (equals(pre(self.mode), m) for m in (0, 1))
         pull, along = self._pull(law), dot(self.slip, self.direction)
         # A guard that does not apply in a mode is given a value away from zero there.
@@ -156,7 +162,8 @@ class SurfaceContact(Component):
             sliding = where(slow, pre(self.direction[k]), self.slip[k] / speed)
             yield self.direction[k] == where(stuck, pull[k] / pulled, sliding)
             follows = (law.mu * self._way(k, speed) / law.s_0 - self.bristle[k]) / law.relaxation
-            held = where(no_event(self.depth > 0), self.slip[k], self.bristle[k] / -law.relaxation)
+            stretched = self.slip[k] + turned[k]
+            held = where(no_event(self.depth > 0), stretched, self.bristle[k] / -law.relaxation)
             yield der(self.bristle[k]) == where(equals(self.mode, 0), held, follows)
 
     def _pull(self, law: Hybrid) -> Expr:
@@ -182,7 +189,8 @@ class SurfaceContact(Component):
         viscous = pressed * self.friction.drag(smooth_speed(slip, _STILL))
         drag, rubbed = slip * viscous, viscous * dot(slip, slip)
         if isinstance(self.friction, LuGre):
-            held = self.friction.held(self.bristle, der(self.bristle), slip)
+            # The rate relative to the surfaces: without their rotation, which bends nothing.
+            held = self.friction.held(self.bristle, self.friction.bristle_rate(self.bristle, self.slip), slip)
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
         if isinstance(self.friction, Hybrid):
             drag = self._held(self.friction, point.normal, slip) * pressed
@@ -200,6 +208,15 @@ class SurfaceContact(Component):
         return as_expr(
             [where(stuck, bent[k] + law.s_1 * slip[k], law.mu * where(slow, way[k], slip[k] / speed)) for k in range(3)]
         )
+
+    def _spin(self, point: Touch) -> Expr:
+        """Mean angular velocity of both bodies about the normal [rad/s]: bristles on a turning table turn with it.
+
+        Source: S. Luding, Cohesive, frictional powders: contact models for tension, Granular Matter 10 (2008) 235-246,
+        on tangential springs in a rotating frame of reference.
+        """
+        a, b = self.frame_a, self.frame_b
+        return dot(point.normal, a.R @ a.w + b.R @ b.w) / 2
 
     def _slip(self, point: Touch) -> Expr:
         """Velocity of a relative to b in the plane of contact [m/s], in the axes of the points."""
