@@ -50,6 +50,7 @@ from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, rema
 from acausal.simulate.solvers import Solver, choose, tolerance_fraction
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
 from acausal.simulate.start.initialize import Start, consistent, initialize
+from acausal.simulate.step_limit.coarse import coarse_steps
 from acausal.simulate.step_limit.externals import note_on_externals
 from acausal.simulate.step_limit.limit import StepLimit
 
@@ -222,10 +223,11 @@ class Run:
             self.timings["integrate"] = seconds() - began
         long = memory is None and self.independent is None and recorder.counters.get("steps", 0.0) >= MANY
         notes = self.rounding_notes(recorder, opts.stop_time) if long else ()
-        controlled = not self.solver.fixed_step and opts.step is None
-        unknown = unresolved(recorder, self.p, self.u, opts.tolerances) if controlled else ()
-        step = None if controlled else opts.step
-        meeting = crossed_branches(self.problem, recorder, self.rows_again, step, self.solver.algebraic)
+        if opts.step is None:
+            unknown = unresolved(recorder, self.p, self.u, opts.tolerances)
+        else:
+            unknown = coarse_steps(self.problem, recorder, self.rows_again, opts.step)
+        meeting = crossed_branches(self.problem, recorder, self.rows_again, opts.step, self.solver.algebraic)
         unknown = (*unknown, *(singular_positions(recorder) or meeting))
         unknown = (*unknown, *undefined_relations(recorder, self.p, self.u))
         for note in unknown:
