@@ -186,7 +186,7 @@ def test_many_runs_make_c_worth_it_before_there_are_workers(monkeypatch: pytest.
 
     monkeypatch.setattr(members, "simulate", watched)
     vary = {"k": np.linspace(0.5, 2.0, 200)}
-    model = acausal.compile(_written(1.5)(), cache=False)
+    model = acausal.compile(Decay(), cache=False)
     acausal.sweep(model, vary, signals=["x"], stop_time=1.0, solver="erk", step=1e-4, workers=1)
     assert used == [False, True]
 
@@ -294,7 +294,7 @@ def _written(
         k: acausal.Real = acausal.parameter(default=1.0)
         x: acausal.Real = acausal.variable(default=acausal.fixed(1.0), nominal=nominal)
         y: acausal.Real = acausal.variable(default=acausal.fixed(0.0))
-        w: acausal.Real = acausal.variable(default=1.0)
+        w: acausal.Real = acausal.variable(default=acausal.guess(1.0))
         d: acausal.Real = acausal.discrete(default=acausal.fixed(0.0))
         experiment: ClassVar[acausal.Experiment] = acausal.Experiment(max_step=max_step)
 
