@@ -140,9 +140,8 @@ def linearize(
     InitializationError
         The model has no consistent values at the point.
     ExportError
-        AC604 when the equations are singular in the algebraic variables or dependent states at the point, when rates or
-        outputs have a kink or a jump there, or when the run is in a sliding mode; AC608 when events change what they
-        depend on; AC609 when `x` violates the constraints.
+        AC604 where the equations are singular in the algebraic variables or dependent states, rates or outputs have a
+        kink or a jump, or the run slides; AC608 if events change what they depend on; AC609 if `x` is off constraints.
     """
     compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
     wanted = named_outputs(compiled, outputs)
@@ -153,8 +152,7 @@ def linearize(
     lasting = lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
     p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting, parameters or {}), **(given or {})})
     u = _inputs(compiled, t, p, result, inputs or {})
-    if result is not None:
-        _refuse_sliding(result, t)
+    _refuse_sliding(result, t)
     start = _point(compiled, t, p, u, result, x or {}, lasting)
     coordinates = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = [k for k in coordinates.places if k < len(compiled.states) - compiled.discretes]
@@ -181,12 +179,12 @@ def linearize(
     )
 
 
-def _refuse_sliding(result: Result, t: float) -> None:
+def _refuse_sliding(result: Result | None, t: float) -> None:
     """Raise ExportError AC604 where a run slides: its states are on one side of the switch by rounding or its errors.
 
     Its rates, a mean of those of both sides, are those of neither, and beyond its surface they jump.
     """
-    if isinstance(result.dense, Dense) and result.dense.held(t) is not None:
+    if result is not None and isinstance(result.dense, Dense) and result.dense.held(t) is not None:
         raise ExportError(
             "AC604",
             f"{result.model} has no linearization at t = {t:g} s: a relation is held at its switch there",
