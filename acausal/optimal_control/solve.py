@@ -160,7 +160,7 @@ def _errors(
     drift, increases, meeting = replay_error(best, [len(phase.mesh) for phase in program.phases])
     if program.complementarity:
         return _switch_errors(program, solution, drift), drift, False, meeting
-    errors, accumulated = interval_errors(problem, laws, trajectory)
+    errors, accumulated = interval_errors(program, laws, solution, trajectory)
     is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
     if is_blind:
         errors = [np.maximum(*pair) for pair in zip(errors, increases, strict=True)]
@@ -314,7 +314,8 @@ def _mesh_note(
         )
     where = _worst_interval(trajectory, errors)
     return (
-        f"the mesh is coarse: IDAS deviates by {worst:.2g} of a state's magnitude in {where}; solve(accuracy=1e-4)",
+        f"the mesh is coarse: IDAS deviates by {worst:.2g} of the magnitude of a state or an integral in {where}; "
+        "solve(accuracy=1e-4)",
     )
 
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import AcausalError, OptimizationError
+from acausal.optimal_control.optimum.integrals import Integrals, integrals_of
 from acausal.optimal_control.optimum.optimum import Optimum
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
-from acausal.optimal_control.problem import StatedProblem
+from acausal.optimal_control.program.nlp import Solution
 from acausal.optimal_control.program.polynomials import Basis
-from acausal.optimal_control.program.radau import Dynamics
+from acausal.optimal_control.program.radau import Dynamics, Program
 from acausal.result.result import Result
 from acausal.simulate.record.meeting.branches import on_meeting
 
@@ -23,21 +24,25 @@ _TOLERANCE = 1e-10
 
 
 def interval_errors(
-    problem: StatedProblem, laws: Sequence[Dynamics], trajectory: Trajectory
+    program: Program, laws: Sequence[Dynamics], solution: Solution, trajectory: Trajectory
 ) -> tuple[list[Vector], float]:
     """(Local errors of the intervals of each phase, shape (intervals,); largest accumulated error).
 
     Both are errors of states at the ends of intervals, relative to their largest magnitudes. For the accumulated error,
     each interval starts where IDAS ended the one before, so that unstable motions amplify it. An error is infinite if
     IDAS does not reach the end of an interval.
+
+    Local errors include those of integrals, because an integrand may need more points than the states.
     """
-    q = problem.quantities
+    q = program.problem.quantities
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
     size = np.where(size > 0.0, size, np.array(q.x.nominal))
     found, worst, state = [], 0.0, trajectory.phases[0].x[:, 0]
-    for law, phase in zip(laws, trajectory.phases, strict=True):
-        errors, drift, state = _phase(law, phase, trajectory.p, size, state)
-        found.append(errors)
+    integrals = integrals_of(program, solution, [law.dae for law in laws])
+    for law, phase, own in zip(laws, trajectory.phases, integrals, strict=True):
+        errors, drift, state, exact = _phase(law, phase, trajectory.p, size, state, own)
+        off = own.errors(phase, trajectory.p, exact, program.steps is not None)
+        found.append(np.maximum(errors, np.where(np.isnan(off), np.inf, off)))
         worst = max(worst, drift)
         if law.jump is not None:
             _, z, u = phase.interval(len(phase.mesh) - 1, np.array([1.0]))
@@ -46,9 +51,11 @@ def interval_errors(
 
 
 def _phase(
-    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, state: Vector
-) -> tuple[Vector, float, Vector]:
-    """(Local errors, shape (intervals,); largest accumulated error; final state of the accumulated integration).
+    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, state: Vector, integrals: Integrals
+) -> tuple[Vector, float, Vector, Vector]:
+    """(Local errors, largest accumulated error, final state of the accumulated integration, integrals of intervals).
+
+    The errors have shape (intervals,), the integrals (intervals, integrals).
 
     `p`: parameters, shape (np,).
     `size`: magnitudes of the states, shape (nx,).
@@ -56,30 +63,32 @@ def _phase(
     """
     count = len(phase.mesh)
     if not len(size):
-        return np.zeros(count), 0.0, state
-    run = _integrator(law, phase.basis, p, size)
+        return np.zeros(count), 0.0, state, np.zeros((count, 0))
+    run = _integrator(law, phase.basis, p, size, integrals)
     borders = phase.borders * phase.duration
-    found, drift = np.zeros(count), np.zeros(count)
+    found, drift, exact = np.zeros(count), np.zeros(count), np.zeros((count, len(integrals.values)))
     for k in range(count):
         x, z, _ = phase.interval(k, np.array([0.0, 1.0]))
         width = phase.basis.control + 1
         coefficients = phase.u[:, k * width : (k + 1) * width]
         given = ca.vertcat(phase.begin + borders[k], borders[k + 1] - borders[k], ca.vec(ca.DM(coefficients)))
 
-        def end(begin: Vector, z: Vector = z[:, 0], given: Any = given) -> Vector:
+        def end(begin: Vector, z: Vector = z[:, 0], given: Any = given) -> tuple[Vector, Vector]:
             try:
-                return np.array(run(x0=begin / size, z0=z, p=given)["xf"]).ravel() * size
+                reached = run(x0=begin / size, z0=z, p=given)
+                return np.array(reached["xf"]).ravel() * size, np.array(reached["qf"]).ravel()
             except RuntimeError:
-                return np.full(len(size), np.nan)
+                return np.full(len(size), np.nan), np.full(exact.shape[1], np.nan)
 
-        found[k] = np.max(np.abs(end(x[:, 0]) - x[:, 1]) / size)
-        state = end(state) if np.isfinite(state).all() else state
+        after, exact[k] = end(x[:, 0])
+        found[k] = np.max(np.abs(after - x[:, 1]) / size)
+        state = end(state)[0] if np.isfinite(state).all() else state
         drift[k] = np.max(np.abs(state - x[:, 1]) / size)
     found, drift = (np.where(np.isnan(v), np.inf, v) for v in (found, drift))
-    return found, float(drift.max()), state
+    return found, float(drift.max()), state, exact
 
 
-def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector) -> Any:
+def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector, integrals: Integrals) -> Any:
     """Integrator of one interval, scaled to [0, 1]; its parameters are start time, length and input coefficients."""
     dae = law.dae
     nx, nz, nu = (dae.numel_in(k) for k in (1, 2, 3))
@@ -88,9 +97,13 @@ def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector) -> Any:
     q = basis.control
     weights = ca.vertcat(*(comb(q, i) * s**i * (1 - s) ** (q - i) for i in range(q + 1)))
     scale = ca.DM(size)
-    ode, alg, _ = dae(begin + length * s, x * scale, z, u @ weights, p)
+    point = (begin + length * s, x * scale, z, u @ weights, p)
+    ode, alg, _ = dae(*point)
     system = {"x": x, "z": z, "t": s, "p": ca.vertcat(begin, length, ca.vec(u)), "ode": length * ode / scale}
     options = {"reltol": _TOLERANCE, "abstol": _TOLERANCE / 100, "max_num_steps": 20000, "first_time": 1e-6}
+    if len(integrals.values):
+        system["quad"] = length * integrals.rates(*point)
+        options["quad_err_con"] = True
     if nz:
         system["alg"] = alg
         options["suppress_algebraic"] = True

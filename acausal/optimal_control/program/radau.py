@@ -513,7 +513,7 @@ def along(program: Program, problem: StatedProblem, expression: Any, site: Site)
     signals = [site.signal(k) for k in used]
     if key(q.time) in own:
         names, signals = [q.time, *names], [site.point[0], *signals]
-    numbers = [(s, v) for s, v in zip(*_numbers(program, problem), strict=True) if key(s) in own]
+    numbers = [(s, v) for s, v in zip(*scalar_values(program, problem), strict=True) if key(s) in own]
     path = ca.Function("path", [*names, *(s for s, _ in numbers)], [expression]).expand()
     rows = [ca.repmat(value, 1, n) for _, value in numbers]
     if all(_linear(program.nlp, row) for row in rows):
@@ -531,7 +531,7 @@ def _linear(nlp: Nlp, row: Any) -> bool:
     return not own or not any(ca.which_depends(row, ca.veccat(*own), 2, True))
 
 
-def _numbers(program: Program, problem: StatedProblem) -> tuple[list[Any], list[Any]]:
+def scalar_values(program: Program, problem: StatedProblem) -> tuple[list[Any], list[Any]]:
     """(Symbols, expressions in the program) of decided parameters, durations, and values expressed so far."""
     symbols = [d[3] for d in problem.quantities.decided]
     values = [program.p[d[0]] for d in problem.quantities.decided]
@@ -546,5 +546,5 @@ def _numbers(program: Program, problem: StatedProblem) -> tuple[list[Any], list[
 
 def _in_unknowns(program: Program, problem: StatedProblem, expression: Any) -> Any:
     """A scalar expression in terms of the unknowns."""
-    symbols, values = _numbers(program, problem)
+    symbols, values = scalar_values(program, problem)
     return ca.substitute([expression], symbols, values)[0] if symbols else expression
