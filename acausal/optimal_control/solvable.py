@@ -62,9 +62,9 @@ class Problem(StatedProblem):
         degree
             Collocation points in each interval (Radau IIA; order 2 degree - 1).
         control
-            Degree of the inputs as polynomials in each interval: 0 constant, 1 linear, 2 parabolas, by default 2. The
-            limits are imposed on their Bernstein coefficients, so that they hold between the points as well. With
-            `complementarity` the default is 0: a parabola may cross a switch twice between two points.
+            Degree of the inputs as polynomials in each interval: 0 constant, 1 linear, 2 parabolas, 3 cubics, by
+            default 2. The limits are imposed on their Bernstein coefficients, so that they hold between the points as
+            well. With `complementarity` the default is 0: a parabola may cross a switch twice between two points.
         accuracy
             Largest permitted error of a state over one interval, relative to its magnitude: intervals in which IDAS
             deviates more are halved, and the problem is solved again. None keeps the mesh.

@@ -37,6 +37,10 @@ _BLIND = 10.0
 # Distance by which ipopt moves a simulated guess away from limits. Such a guess often reaches them, and unknowns at a
 # limit shorten the first steps of all unknowns. A solution on a coarser mesh is not moved.
 _INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
+# Largest degree of inputs that the series of an optimum reproduce.
+_CUBIC = 3
+# ipopt stops there if it no longer improves an iterate that does not meet the tolerance.
+_ACCEPTABLE = "Solved_To_Acceptable_Level"
 _log = logging.getLogger(__name__)
 SOLVERS: Mapping[str, Mapping[str, Any]] = {
     "ipopt": {"print_level": 0, "sb": "yes", "diverging_iterates_tol": _DIVERGING},
@@ -134,6 +138,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     notes = _switch_note(worst) if program.complementarity else _mesh_note(trajectory, errors, worst, drift, is_blind)
     stats["notes"] = (
         *problem.quantities.begin.notes,
+        *_stopped_note(solution, choices),
         *notes,
         *meeting,
         *(_smoothing_note(widths, smoothing_bias) if choices.smooth else ()),
@@ -175,6 +180,16 @@ def _with_new_branches(
     return [{**new, **known} for new, known in zip(found, widths, strict=True)]
 
 
+def _stopped_note(solution: Solution, choices: Choices) -> tuple[str, ...]:
+    """A note on a solution that ipopt takes although it misses the tolerance."""
+    if solution.status != _ACCEPTABLE:
+        return ()
+    return (
+        f"ipopt stops before it reaches the tolerance of {choices.tolerance:g}, at its acceptable_tol: the objective "
+        "may not be the least; give magnitudes (nominal=) of variables, or a closer guess",
+    )
+
+
 def _smoothing_note(widths: list[Widths], deviation: float) -> tuple[str, ...]:
     """A note on the bias of smoothing."""
     count = sum(map(len, widths))
@@ -213,6 +228,12 @@ def _check(problem: StatedProblem, degree: int, control: int, choices: Choices) 
             "AC053",
             f"inputs of degree {control} with {degree} points in an interval",
             help="use 1 to 9 points, and inputs of a degree below their number",
+        )
+    if control > _CUBIC:
+        raise UsageError(
+            "AC053",
+            f"inputs of degree {control}: results hold inputs as cubic splines, which a run would follow",
+            help=f"use inputs of degree {_CUBIC} at most, and more intervals: problem.phase(intervals=...)",
         )
 
 

@@ -1,13 +1,16 @@
-"""Integrals are checked like states: an integrand may need more points than the motion."""
+"""Errors of a solution are told: of integrals, of a solver that stops early, of inputs that a result cannot hold."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import pytest
 
 from acausal import Component, Equations, Real, der, fixed, signal_input, variable
+from acausal.errors import UsageError
 from acausal.optimal_control import Problem
+from tests.expected import fails_with
 
 
 class Cart(Component):
@@ -56,3 +59,35 @@ def test_an_integral_whose_minimum_is_zero_is_no_coarse_mesh() -> None:
     best = problem.solve(accuracy=1e-6)
     assert best.stats["intervals"] == 2
     assert best.at(2.0, "s") == pytest.approx(2.0, rel=1e-6)
+
+
+def least_time() -> Problem:
+    """One metre from rest to rest with at most 1 m/s2 takes 2 s."""
+    problem = Problem(Cart())
+    problem.phase(duration=(0.1, 10.0), intervals=4)
+    problem.subject_to("u", min=-1.0, max=1.0)
+    problem.subject_to(problem.end("s") == 1.0)
+    problem.subject_to(problem.end("v") == 0.0)
+    problem.minimize(problem.duration)
+    return problem
+
+
+def test_a_solution_that_misses_the_tolerance_is_noted() -> None:
+    """An acceptable tolerance of 1000 stops ipopt above the least time."""
+    stopped = least_time().solve(options={"acceptable_tol": 1e3, "acceptable_iter": 1})
+    stats: Any = stopped.stats
+    assert stopped.objective > 2.001
+    assert "before it reaches the tolerance" in stats["notes"][0]
+    reached: Any = least_time().solve().stats
+    assert not any("tolerance" in note for note in reached["notes"])
+
+
+def test_inputs_that_a_series_cannot_hold_are_refused() -> None:
+    """Through four values of an interval a cubic passes, but no polynomial of degree four."""
+    problem = Problem(Cart())
+    problem.phase(duration=1.0, intervals=1)
+    problem.minimize(problem.integral((problem["u"] - ca.sin(9.0 * problem.time)) ** 2))
+    with fails_with(UsageError, "AC053", "degree 4"):
+        problem.solve(degree=7, control=4)
+    cubic: Any = problem.solve(degree=7, control=3).stats
+    assert cubic["replay_error"] < 1e-6
