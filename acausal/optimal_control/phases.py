@@ -16,6 +16,7 @@ from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.events.impulses import impulses
 from acausal.optimal_control.branches import Widths, relax_branches, specialize_branches, switching_branches
+from acausal.optimal_control.declare import Guard
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.optimum.trajectory import PhaseTrajectory, Trajectory
 from acausal.optimal_control.problem import StatedProblem
@@ -33,6 +34,8 @@ SMOOTH = Form(
 _INSIDE = np.linspace(0.02, 0.98, 33)
 # Instants per interval at which smoothed rates are compared with exact ones.
 _FINE = 200
+# Instants per interval at which the condition that ends a phase is evaluated.
+_DENSE = 12
 # Allowed relative deviation of the states after an event in the guess from the values that its clauses set.
 _SAME = 1e-4
 # Allowed relative deviation of rates and residuals from those of the model.
@@ -203,13 +206,44 @@ def check_optimum(problem: StatedProblem, laws: Sequence[Dynamics], trajectory: 
     Raises OptimizationError: AC706 for branches, AC704 for events inside a phase.
     """
     dae = problem.quantities.dae()
-    for phase, law in zip(trajectory.phases, laws, strict=True):
+    for spec, phase, law in zip(problem.specs, trajectory.phases, laws, strict=True):
         columns = _collocated(phase, trajectory.p)
+        if spec.switch is not None:
+            _check_end(problem, problem.guards[spec.switch], law, phase, trajectory.p)
         if law.dae is not dae:
             _check_branches(problem, dae, law, phase, columns)
         if problem.quantities.compiled.state_events.clauses:
             _check_events(problem, phase, columns)
         _check_instants(problem, dae, phase, trajectory.p)
+
+
+def _check_end(problem: StatedProblem, guard: Guard, law: Dynamics, phase: PhaseTrajectory, p: Vector) -> None:
+    """AC704 if the condition that ends a phase becomes true inside it, or turns false at its end."""
+    # between collocation points as well, where a path constraint does not keep the condition false
+    count = _DENSE * len(phase.mesh)
+    columns = _arguments(PhaseGuess(phase.duration, phase.at), (np.arange(count) + 0.5) / count, phase.begin, p)
+    (values,) = _evaluated(_guard_function(problem.quantities, guard, law), columns)
+    holds = values[0] > _DEVIATION * float(np.abs(values).max(initial=0.0))
+    rising = np.flatnonzero(holds[1:] & ~holds[:-1]) + 1
+    if len(rising) or holds[-1:].any():
+        first = int(rising[0]) if len(rising) else 0
+        raise OptimizationError(
+            "AC704",
+            f"{phase.name} ends with {guard.text}, which holds inside it, at t = {columns[0][0, first]:.4g} s",
+            cause="the end of a phase is the first instant at which its condition becomes true",
+            help="keep it false inside, and rising at the end: phase.subject_to(...); or divide the phase there",
+        )
+
+
+def _guard_function(q: Quantities, guard: Guard, law: Dynamics) -> Any:
+    """The function `(t, x, z, u, p) -> g` that is positive where the condition of a guard holds."""
+    if guard.relation is not None:
+        return law.guard
+    point = [ca.SX.sym(law.dae.name_in(k), law.dae.numel_in(k)) for k in range(5)]
+    outputs = ca.vertsplit(law.dae(*point)[2]) if q.symbols else []
+    decided = [point[4][place] for place, *_ in q.decided]
+    of_symbols = ca.Function("of", [q.time, *q.symbols, *(d[3] for d in q.decided)], [guard.expression]).expand()
+    return ca.Function("guard", point, [ca.densify(of_symbols(point[0], *outputs, *decided))])
 
 
 def _check_instants(problem: StatedProblem, dae: Any, phase: PhaseTrajectory, p: Vector) -> None:

@@ -8,7 +8,7 @@ import casadi as ca
 import pytest
 
 from acausal import Component, Equations, Real, der, fixed, signal_input, variable
-from acausal.errors import UsageError
+from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control import Problem
 from tests.expected import fails_with
 
@@ -91,3 +91,16 @@ def test_inputs_that_a_series_cannot_hold_are_refused() -> None:
         problem.solve(degree=7, control=4)
     cubic: Any = problem.solve(degree=7, control=3).stats
     assert cubic["replay_error"] < 1e-6
+
+
+def test_a_phase_ends_when_its_condition_first_holds() -> None:
+    """The least speed at one metre within 9 s would be that of a return from beyond, which is no end there."""
+    problem = Problem(Cart())
+    phase = problem.phase(until=problem["s"] >= 1.0, duration=(0.1, 9.0), expected=2.0)
+    problem.subject_to("u", min=-1.0, max=1.0)
+    problem.minimize(problem.end("v"))
+    problem.guess(inputs={"u": 1.0})
+    with fails_with(OptimizationError, "AC704", "holds inside it"):
+        problem.solve()
+    phase.subject_to("v", min=0.0)
+    assert problem.solve().objective == pytest.approx(0.0, abs=1e-6)
