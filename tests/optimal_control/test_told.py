@@ -104,3 +104,29 @@ def test_a_phase_ends_when_its_condition_first_holds() -> None:
         problem.solve()
     phase.subject_to("v", min=0.0)
     assert problem.solve().objective == pytest.approx(0.0, abs=1e-6)
+
+
+class Square(Component):
+    """No state: the output is the square of the input."""
+
+    u: Real = signal_input(min=0.0, max=1.0)
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == self.u**2
+
+
+def test_a_model_without_states_has_an_optimum() -> None:
+    """The least square of u >= 1 / 2."""
+    problem = Problem(Square())
+    problem.phase(duration=1.0, intervals=2)
+    problem.subject_to("u", min=0.5)
+    problem.minimize(problem.integral("y"))
+    assert problem.solve().objective == pytest.approx(0.25, rel=1e-6)
+
+
+def test_large_integrals_are_checked_as_small_ones() -> None:
+    """A factor of a million changes no relative error."""
+    problem = pushed()
+    problem.minimize(1e6 * problem.integral(1e6 * problem["s"] ** 4))
+    assert problem.solve(accuracy=1e-6).objective == pytest.approx(1e12 * EXACT, rel=1e-5)

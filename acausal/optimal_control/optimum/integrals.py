@@ -31,13 +31,18 @@ class Integrals:
     values: Vector
     least: Vector
 
+    @property
+    def sizes(self) -> Vector:
+        """Magnitudes by which an integrator divides the integrals, shape (integrals,)."""
+        return np.maximum(np.abs(self.values), self.least)
+
     def errors(self, phase: PhaseTrajectory, p: Vector, exact: Vector, stepped: bool) -> Vector:
         """Errors of the intervals, shape (intervals,); `exact` are their integrals, shape (intervals, integrals).
 
         They are relative to the sum of the magnitudes of all intervals. Shooting (`stepped`) knows only the sum over
         the phase, whose error every interval then has.
         """
-        if not len(self.values):
+        if not exact.shape[1]:  # without states, nothing is integrated
             return np.zeros(len(exact))
         size = np.maximum(np.abs(exact).sum(axis=0), self.least)
         if stepped:
