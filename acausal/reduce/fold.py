@@ -25,7 +25,8 @@ def fold(solution: Solution, constants: Constants) -> Solution:
         *((v, images[n]) for v, n in solution.definitions if v not in constants.variables),
     )
     residuals = tuple(images[r] for r in solution.residuals)
-    structure = replace(structure, states=states, reduced=_folded(reduced, images))
+    invariants = tuple((e, images[n]) for e, n in structure.invariants if images[n] != reduced.pool.zero)
+    structure = replace(structure, states=states, invariants=invariants, reduced=_folded(reduced, images))
     return Solution(
         structure=structure,
         definitions=definitions,
@@ -56,7 +57,7 @@ def _images(solution: Solution, constants: Constants) -> dict[int, int]:
     """The image of every node of a solution."""
     reduced = solution.structure.reduced
     roots = [n for _, n in solution.definitions] + [*solution.residuals, *reduced.image, *reduced.initial]
-    roots += reduced.event_nodes
+    roots += [*reduced.event_nodes, *(n for _, n in solution.structure.invariants)]
     return rewritten(reduced.pool, roots, constants.variables, {**constants.branches, **constants.equal})
 
 
