@@ -32,7 +32,7 @@ class World(Component):
         yield root(self.frame_b)
 
     def equations(self) -> Equations:
-        _refuse_vector(self, self.gravity)
+        _refuse_idle(self, self.gravity, "g_0", "g", "n")
         yield self.frame_b.r_0 == 0
         yield self.frame_b.R == identity(3)
         yield self.frame_b.w == 0
@@ -50,16 +50,26 @@ class PartialHeavy(Component):
     def gravity_at(self, r_0: Expr) -> Expr:
         """Acceleration of gravity [m/s2] at `r_0` [m], both in world axes, shape (3,); to be called in `equations`."""
         field = self.world.gravity if self.gravity is field_of_world else self.gravity
-        _refuse_vector(self, field)
+        _refuse_idle(self, field, "g_0")
         return field(self.g_0, r_0)
 
 
-def _refuse_vector(component: Component, field: Field) -> None:
-    """Raise AC130 if `g_0` is given although the field is that of a point mass, which does not use it."""
-    if isinstance(field, PointField) and "g_0" in component.__dict__["_given"]:
+def _refuse_idle(component: Component, field: Field, *names: str) -> None:
+    """Raise AC130 if one of the parameters `names` is given without effect: in the field of a point mass, or by g_0."""
+    given = component.__dict__["_given"]
+    idle = next((name for name in names if name in given), None)
+    if isinstance(field, PointField) and idle is not None:
         raise DeclarationError(
             "AC130",
-            f"{type(component).__name__}: g_0 is given, but has no effect in the field of a point mass",
-            cause="the vector g_0 defines a uniform field; this one depends only on its mass and the position",
-            help="leave g_0 out, or also give the body another field: gravity=uniform_field",
+            f"{type(component).__name__}: {idle} is given, but has no effect in the field of a point mass",
+            cause="it defines a uniform field; this one depends only on its mass and the position",
+            help=f"leave {idle} out, or also give another field: gravity=uniform_field",
+        )
+    beside = next((name for name in names if name in given and name != "g_0"), None)
+    if "g_0" in given and beside is not None:
+        raise DeclarationError(
+            "AC130",
+            f"{type(component).__name__}: {beside} is given, but has no effect beside g_0",
+            cause="g_0 is the whole vector of gravity; without it, the vector is g along n",
+            help=f"leave {beside} or g_0 out",
         )

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import acausal
 from acausal import Component, Equations, connect, fixed, guess, part, structural
+from acausal.errors import RunError
 from acausal.library.multibody import (
     Body,
     BodyShape,
+    FixedRotation,
     FixedTranslation,
     Revolute,
     RevolutePlanarLoopConstraint,
     World,
 )
+from tests.expected import fails_with
 
 
 def _bar(length: float) -> BodyShape:
@@ -21,9 +26,10 @@ def _bar(length: float) -> BodyShape:
 
 
 class FloatingFourBar(Component):
-    """Four bars without gravity, closed at a distance `d` [m] from their plane."""
+    """Four bars without gravity, closed at a distance `d` [m] from their plane, one of them tilted by `tilt` [rad]."""
 
     d: float = structural(default=0.0)
+    tilt: float = structural(default=0.0)
     world: World = World(g_0=(0.0, 0.0, 0.0))
     base: Body = Body(
         m=1.0,
@@ -42,17 +48,21 @@ class FloatingFourBar(Component):
     c: Revolute = Revolute(phi=guess(1.2))
     across: FixedTranslation = FixedTranslation(r=(0.7, 0.0, 0.0))
     beside: FixedTranslation = part()
+    tilted: FixedRotation = part()
     closing: RevolutePlanarLoopConstraint = RevolutePlanarLoopConstraint()
 
     def build(self) -> None:
         self.beside = FixedTranslation(r=(0.0, 0.0, self.d))
+        c, s = math.cos(self.tilt), math.sin(self.tilt)
+        self.tilted = FixedRotation(R_rel=((1.0, 0.0, 0.0), (0.0, c, s), (0.0, -s, c)))
 
     def equations(self) -> Equations:
         yield connect(self.base.frame_a, self.a.frame_a, self.across.frame_a)
         yield connect(self.a.frame_b, self.crank.frame_a)
         yield connect(self.crank.frame_b, self.b.frame_a)
         yield connect(self.b.frame_b, self.coupler.frame_a)
-        yield connect(self.across.frame_b, self.c.frame_a)
+        yield connect(self.across.frame_b, self.tilted.frame_a)
+        yield connect(self.tilted.frame_b, self.c.frame_a)
         yield connect(self.c.frame_b, self.rocker.frame_a)
         yield connect(self.rocker.frame_b, self.beside.frame_a)
         yield connect(self.beside.frame_b, self.closing.frame_a)
@@ -66,3 +76,9 @@ def test_a_loop_closed_beside_its_plane_stays_in_it(d: float) -> None:
     w = [float(str(r.final(f"base.w_a[{k}]"))) for k in range(3)]
     assert w[:2] == pytest.approx([0.0, 0.0], abs=1e-7)
     assert abs(w[2]) > 0.1
+
+
+def test_a_loop_that_is_not_planar_is_refused() -> None:
+    """With a hinge instead, which holds both axes parallel, the loop cannot even be closed."""
+    with fails_with(RunError, "AC503", "the loop is not planar"):
+        acausal.simulate(FloatingFourBar(tilt=0.3), stop_time=0.5)
