@@ -21,6 +21,7 @@ from acausal.result.result import Result
 
 _NUMBER = (int, float, np.integer, np.floating)
 _RELATIONS = {ca.OP_LE: 1, ca.OP_LT: 1, ca.OP_EQ: 0}
+_TRUTHS = {*_RELATIONS, ca.OP_NE, ca.OP_AND, ca.OP_OR, ca.OP_NOT}
 
 
 class StatedProblem:
@@ -292,6 +293,7 @@ class StatedProblem:
         is_name = isinstance(what, str)
         expression = self._expression(what)
         label = name or (what if is_name else "")
+        _check_number(expression)
         op = expression.op() if not is_name and expression.n_dep() == 2 else None
         if op in _RELATIONS:
             if limits or equals is not None:
@@ -343,6 +345,22 @@ def _check_limit(limit: Any, what: object) -> None:
             f"the limit {limit!r} of {what} is not a number",
             where=calling_span(),
             help="limits are numbers in SI units: max=4e3 for 4 kN",
+        )
+
+
+def _check_number(expression: Any) -> None:
+    """AC051 for a constraint on a truth value, whose slopes are zero: `(u <= 1) >= -1` always holds."""
+    sides = [expression] if expression.numel() == 1 else []
+    if sides and expression.op() in _RELATIONS:
+        sides = [expression.dep(0), expression.dep(1)]
+    elif sides and expression.op() not in _TRUTHS:
+        return
+    if any(side.op() in _TRUTHS for side in sides):
+        raise UsageError(
+            "AC051",
+            f"the constraint {expression} is on a truth value",
+            where=calling_span(),
+            help="give each relation between numbers on its own: subject_to(a <= b)",
         )
 
 

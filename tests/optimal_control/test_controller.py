@@ -71,6 +71,20 @@ def test_a_model_with_a_clock_of_its_own_is_refused() -> None:
         problem.controller()
 
 
+@pytest.mark.parametrize(
+    ("states", "fact"),
+    [
+        ({"mass.s": 1.0}, "the state mass.v is missing"),
+        ({"mass.s": float("nan"), "mass.v": 0.0}, "the state mass.s is nan"),
+        ([1.0], "1 values for 2 states"),
+        ([1.0, 0.0, 0.0], "3 values for 2 states"),
+    ],
+)
+def test_a_sample_needs_all_states(states: object, fact: str) -> None:
+    with fails_with(UsageError, "AC033", fact):
+        regulator().controller()(states)  # type: ignore[arg-type]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("harder", [1.15, 0.9])
 def test_thrust_stays_at_its_limit_in_steel_of_hidden_hardness(harder: float) -> None:

@@ -130,3 +130,15 @@ def test_large_integrals_are_checked_as_small_ones() -> None:
     problem = pushed()
     problem.minimize(1e6 * problem.integral(1e6 * problem["s"] ** 4))
     assert problem.solve(accuracy=1e-6).objective == pytest.approx(1e12 * EXACT, rel=1e-5)
+
+
+def test_a_constraint_on_a_truth_value_is_refused() -> None:
+    """`u <= 1` is 0 or 1, so a bound of -1 always holds, and an equation with 1 has no slope."""
+    problem = Problem(Cart())
+    problem.phase(duration=1.0, intervals=1)
+    u = problem["u"]
+    for constraint in ((u <= 1.0) >= -1.0, ca.logic_and(u <= 1.0, u >= 0.0) == 1.0, ca.logic_not(u <= 1.0)):
+        with fails_with(UsageError, "AC051", "is on a truth value"):
+            problem.subject_to(constraint)
+    with fails_with(UsageError, "AC051", "is on a truth value"):
+        problem.subject_to(ca.logic_or(u <= 1.0, u >= 3.0), min=1.0)

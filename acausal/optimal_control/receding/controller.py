@@ -63,12 +63,20 @@ class Controller:
         """Values of the inputs by name, to be held for a sample.
 
         Raises OptimizationError: AC703 if there is no solution; the next call starts from the last solution again.
-        Raises UsageError: AC053 for a parameter that is not one of `varying`.
+        Raises UsageError: AC033 for a state that is missing or not finite, AC053 for a parameter that is not one of
+        `varying`.
 
         `states`: values by name, or all in the order of `self.states`, shape (nx,).
         `parameters`: values that differ from those of the problem, by name.
         """
-        x = [states[n] for n in self.states] if isinstance(states, Mapping) else np.asarray(states, dtype=float)
+        if not isinstance(states, Mapping):
+            values = np.ravel(np.asarray(states, dtype=float)).tolist()
+            if len(values) != len(self.states):
+                fact = f"{len(values)} values for {len(self.states)} states"
+                raise UsageError("AC033", fact, help=f"give {', '.join(self.states)} in this order, or by name")
+            states = dict(zip(self.states, values, strict=True))
+        check_given(states, self.states, "state")
+        x = [states[n] for n in self.states]
         q = self.problem.quantities
         p = q.p if not parameters else self._given(parameters)
         c = q.coordinates.of(np.reshape(x, (-1, 1))).ravel()
@@ -77,7 +85,7 @@ class Controller:
             raise OptimizationError(
                 "AC703",
                 f"no inputs found for the next sample: {self._program.status}",
-                evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, np.ravel(x), strict=True))[:6]],
+                evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, x, strict=True))[:6]],
                 help="keep the last inputs for this sample; limits on measured quantities may have to be soft",
             )
         return dict(zip(self.inputs, np.array(self._first(found)).ravel().tolist(), strict=True))
@@ -107,6 +115,16 @@ class Controller:
                 "AC053",
                 f"{bound[0]} cannot change from sample to sample: the angle that replaces states depends on it",
                 help="declare the angle in the model, with the constraint solved for x and y",
+            )
+
+
+def check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
+    """AC033 for missing or not finite values: one nan would invalidate all that follows."""
+    for name in names:
+        if name not in given or not np.isfinite(given[name]):
+            value = f"is {given[name]}" if name in given else "is missing"
+            raise UsageError(
+                "AC033", f"the {kind} {name} {value}", help=f"each sample has all of {', '.join(names)}, in SI units"
             )
 
 

@@ -13,7 +13,7 @@ a constant arrival cost.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +27,7 @@ from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Program, along, transcribe
-from acausal.optimal_control.receding.controller import check_autonomous, check_horizon
+from acausal.optimal_control.receding.controller import check_autonomous, check_given, check_horizon
 from acausal.optimal_control.receding.warm_start import WarmStartedSolver
 
 
@@ -94,8 +94,8 @@ class Estimator:
         `measured`: measured values at its end, by name.
         """
         q = self.problem.quantities
-        _check_given(inputs, q.u.names, "input")
-        _check_given(measured, self.measured, "measured value")
+        check_given(inputs, q.u.names, "input")
+        check_given(measured, self.measured, "measured value")
         self._inputs.append([inputs[name] for name in q.u.names])
         self._measurements.append([measured[name] for name in self.measured])
         if len(self._measurements) > self._width:
@@ -152,16 +152,6 @@ def _set_objective(
             cost += ((start[k] - expected[k]) / deviations[name]) ** 2
     nlp.objective = cost
     return ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
-
-
-def _check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
-    """AC033 for missing or not finite values: one nan would invalidate a whole window."""
-    for name in names:
-        if name not in given or not np.isfinite(given[name]):
-            value = f"is {given[name]}" if name in given else "is missing"
-            raise UsageError(
-                "AC033", f"the {kind} {name} {value}", help=f"each sample has all of {', '.join(names)}, in SI units"
-            )
 
 
 def _check_names(
