@@ -27,7 +27,10 @@ class PartialLine(PartialTwoFrames):
 
 
 class PartialLineForce(PartialLine):
-    """A massless line with a force `f` along it, positive when it pulls the frames together."""
+    """A massless line with a force `f` along it, positive when it pulls the frames together.
+
+    Frames that coincide have no direction: whatever `f` is, the line moves neither of them.
+    """
 
     f: Real = variable(unit="N", doc="Force of the line, positive in tension")
 
@@ -47,7 +50,7 @@ class PartialDampedLineForce(PartialLineForce):
 
 
 class Spring(PartialLineForce):
-    """Linear spring."""
+    """Linear spring; where its ends coincide it has no direction and moves neither of them."""
 
     c: Real = parameter(unit="N/m", min=0.0, doc="Stiffness")
     s_unstretched: Real = parameter(default=0.0, unit="m", doc="Length without force")
