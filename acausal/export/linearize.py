@@ -16,6 +16,7 @@ from acausal.export.kinks import Slopes, slopes_of_both_sides
 from acausal.export.minimal.manifold import minimal, on_constraints
 from acausal.export.observed import dae_function
 from acausal.export.ports import Output, named_outputs
+from acausal.export.run_parameters import RunParameters, parameters_of_run
 from acausal.export.start_point import input_start
 from acausal.language.component import Component
 from acausal.lower.compile import compile
@@ -143,14 +144,15 @@ def linearize(
         AC604 where the equations are singular in the algebraic variables or dependent states, rates or outputs have a
         kink or a jump, or the run slides; AC608 if events change what they depend on; AC609 if `x` is off constraints.
     """
-    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=parameters)
+    given = parameters or {}
+    compiled, of_run = _compiled(model, result, given)
     wanted = named_outputs(compiled, outputs)
-    notes = check(compiled, LINEAR, wanted)
+    notes = (*check(compiled, LINEAR, wanted), *of_run.notes)
     if t is None:
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
-    given = parameters if isinstance(model, CompiledModel) else None
-    lasting = lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
-    p = parameter_vector(compiled, {**_parameters_of_run(compiled, result, lasting, parameters or {}), **(given or {})})
+    lasting = _lasting(compiled, result)
+    values = {n: v for n, v in of_run.free.items() if not {n, n.partition("[")[0]} & given.keys()}
+    p = parameter_vector(compiled, {**values, **(given if isinstance(model, CompiledModel) else {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     _refuse_sliding(result, t)
     start = _point(compiled, t, p, u, result, x or {}, lasting)
@@ -177,6 +179,29 @@ def linearize(
         slopes.rates[places],
         (*notes, *_between_rows(t, result), *_perhaps_sliding(result)),
     )
+
+
+def _compiled(
+    model: Component | CompiledModel, result: Result | None, given: Mapping[str, object]
+) -> tuple[CompiledModel, RunParameters]:
+    """The model with the given parameters, and with those of the run that are bound to others in the model.
+
+    Raises UsageError: AC022 for a compiled model whose bindings the run has replaced.
+    """
+    compiled = model if isinstance(model, CompiledModel) else compile(model, parameters=given)
+    if result is None:
+        return compiled, RunParameters({}, {})
+    of_run = parameters_of_run(compiled, result, _lasting(compiled, result))
+    if of_run.replaced and not isinstance(model, CompiledModel):
+        compiled = compile(model, parameters={**of_run.replaced, **given})
+        of_run = parameters_of_run(compiled, result, _lasting(compiled, result))
+    of_run.refuse_replaced(compiled)
+    return compiled, of_run
+
+
+def _lasting(compiled: CompiledModel, result: Result | None) -> Mapping[str, str]:
+    """Beginnings of paths of contacts, and those of the same contacts in the result of a run."""
+    return lasting_names(compiled.recipe.model) if compiled.recipe is not None and result is not None else {}
 
 
 def _refuse_sliding(result: Result | None, t: float) -> None:
@@ -227,20 +252,6 @@ def _slopes_of(
         return Slopes(found["ode"].ravel(), found["y"].ravel(), matrices, dz["x"], dz["u"])
 
     return slopes
-
-
-def _parameters_of_run(
-    compiled: CompiledModel, result: Result | None, lasting: Mapping[str, str], given: Mapping[str, object]
-) -> dict[str, float]:
-    """Values of the free parameters in a run, in which contacts have their `lasting` names.
-
-    Parameters that are `given` are left out: their values take precedence over those of the run.
-    """
-    if result is None:
-        return {}
-    signals = result.signals
-    names = {n: renamed(n, lasting) for n in compiled.parameters if not {n, n.partition("[")[0]} & given.keys()}
-    return {n: signals[run].value for n, run in names.items() if run in signals and signals[run].parameter}
 
 
 def _inputs(compiled: CompiledModel, t: float, p: Vector, result: Result | None, given: Mapping[str, float]) -> Vector:

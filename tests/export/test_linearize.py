@@ -20,6 +20,7 @@ from acausal import (
     discrete,
     fixed,
     guess,
+    parameter,
     part,
     quantity,
     signal_input,
@@ -106,6 +107,38 @@ def test_a_run_brings_its_parameters_and_inputs() -> None:
     np.testing.assert_allclose(linear.u, [3.0])
     np.testing.assert_allclose(linear.x, [0.75, 1.5], rtol=1e-6)
     np.testing.assert_allclose(linear.B, [[0.0], [0.5]])
+
+
+class Damped(Component):
+    """x'' = -k x - d x', with d = 2 k unless it is given."""
+
+    k: Real = parameter(default=4.0)
+    d: Real = parameter(default=lambda self: 2.0 * self.k)
+    x: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -self.k * self.x - self.d * self.v
+
+
+@pytest.mark.parametrize("suffix", ["", ".mat", ".npz", ".csv"])
+def test_parameters_of_a_run_are_those_of_its_file(suffix: str, tmp_path: Path) -> None:
+    """A = [[0, 1], [-k, -d]]; a CSV does not say which of its columns are parameters, and d = 5 is not 2 k."""
+    for values, k, d in (({"k": 9.0}, 9.0, 18.0), ({"d": 5.0}, 4.0, 5.0)):
+        run = acausal.simulate(Damped(), parameters=values, stop_time=0.1)
+        if suffix:
+            run.save(tmp_path / f"run{suffix}")
+            run = acausal.load(tmp_path / f"run{suffix}")
+        np.testing.assert_allclose(acausal.linearize(Damped(), result=run).A, [[0.0, 1.0], [-k, -d]])
+    with fails_with(UsageError, "AC022", match="d follows"):
+        acausal.linearize(acausal.compile(Damped()), result=run)
+
+
+def test_parameters_that_a_file_lacks_are_noted(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time,x,v\n0,1,0\n1,1,0\n")
+    found = acausal.linearize(Damped(), result=acausal.load(tmp_path / "run.csv"))
+    assert found.notes == ("the result does not contain k: as declared",)
 
 
 @pytest.mark.parametrize("compiled", [False, True])
