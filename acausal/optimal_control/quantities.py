@@ -105,6 +105,10 @@ class Quantities:
         (output,) = named_outputs(self.compiled, [name])
         return float(output.declaration.nominal)
 
+    def is_used(self, name: str) -> bool:
+        """Whether a variable or a parameter has been used in the problem."""
+        return name in self._known
+
     def varies(self, expression: Any) -> bool:
         """Whether an expression depends on the time or on variables."""
         return not symbols_in(expression).isdisjoint(map(key, (self.time, *self.symbols)))
@@ -243,5 +247,5 @@ class Quantities:
 def magnitude(port_nominal: Vector, seen: Vector) -> Vector:
     """Declared nominal values or, if none was declared, the largest values in the guess; all of shape (n,)."""
     undeclared = port_nominal == 1.0
-    usable = np.isfinite(seen) & (seen > 0.0)
-    return np.where(undeclared & usable, np.clip(seen, 1e-12, math.inf), port_nominal)
+    usable = np.isfinite(seen) & (seen > 1e-12)
+    return np.where(undeclared & usable, seen, port_nominal)

@@ -20,7 +20,7 @@ from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
 from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
 from acausal.optimal_control.phases import bias, check_optimum, dynamics_of, kinks
 from acausal.optimal_control.problem import StatedProblem
-from acausal.optimal_control.program.nlp import Solution, solve_nlp
+from acausal.optimal_control.program.nlp import Solution, solve_nlp, stopped_note
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Dynamics, PhaseProgram, Program, transcribe
 from acausal.optimal_control.program.shooting import Steps
@@ -39,8 +39,6 @@ _BLIND = 10.0
 _INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
 # Largest degree of inputs that the series of an optimum reproduce.
 _CUBIC = 3
-# ipopt stops there if it no longer improves an iterate that does not meet the tolerance.
-_ACCEPTABLE = "Solved_To_Acceptable_Level"
 _log = logging.getLogger(__name__)
 SOLVERS: Mapping[str, Mapping[str, Any]] = {
     "ipopt": {"print_level": 0, "sb": "yes", "diverging_iterates_tol": _DIVERGING},
@@ -138,7 +136,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     notes = _switch_note(worst) if program.complementarity else _mesh_note(trajectory, errors, worst, drift, is_blind)
     stats["notes"] = (
         *problem.quantities.begin.notes,
-        *_stopped_note(solution, choices),
+        *stopped_note(solution.status, choices.tolerance),
         *notes,
         *meeting,
         *(_smoothing_note(widths, smoothing_bias) if choices.smooth else ()),
@@ -178,16 +176,6 @@ def _with_new_branches(
     """Widths of the smoothed branches, and of those that the solution takes both ways."""
     found = kinks(problem, trajectory.guesses(), smooth)
     return [{**new, **known} for new, known in zip(found, widths, strict=True)]
-
-
-def _stopped_note(solution: Solution, choices: Choices) -> tuple[str, ...]:
-    """A note on a solution that ipopt takes although it misses the tolerance."""
-    if solution.status != _ACCEPTABLE:
-        return ()
-    return (
-        f"ipopt stops before it reaches the tolerance of {choices.tolerance:g}, at its acceptable_tol: the objective "
-        "may not be the least; give magnitudes (nominal=) of variables, or a closer guess",
-    )
 
 
 def _smoothing_note(widths: list[Widths], deviation: float) -> tuple[str, ...]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import acausal
 from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, time, variable
-from acausal.errors import UsageError
+from acausal.errors import DeclarationError, UsageError
 from acausal.lower.variants.started import with_starts
 from acausal.models.optimal_control.feed_drilling import FeedDrilling, Hardness, horizon
-from acausal.optimal_control import Problem, closed_loop
+from acausal.optimal_control import Controller, Problem, closed_loop
 from tests.expected import fails_with
 from tests.export.scenes import Slider
 
@@ -83,6 +84,99 @@ def test_a_model_with_a_clock_of_its_own_is_refused() -> None:
 def test_a_sample_needs_all_states(states: object, fact: str) -> None:
     with fails_with(UsageError, "AC033", fact):
         regulator().controller()(states)  # type: ignore[arg-type]
+
+
+def tracker() -> Problem:
+    """Hold a mass, which is to be as large as its position: an unusual set point, but a parameter."""
+    problem = Problem(Slider())
+    problem.phase(duration=2.0, intervals=20)
+    return problem
+
+
+def test_a_set_point_varies_from_sample_to_sample() -> None:
+    """At rest at the set point the force is zero; one metre below, it is what the regulator has one metre off."""
+    problem = tracker()
+    m = problem.decide("m")
+    problem.minimize(problem.integral((problem["mass.s"] - m) ** 2 + problem["mass.v"] ** 2 + problem["u"] ** 2))
+    controller = problem.controller(varying=["m"])
+    assert controller([2.0, 0.0], {"m": 2.0})["u"] == pytest.approx(0.0, abs=1e-5)
+    off = controller([1.0, 0.0], {"m": 2.0})["u"]
+    assert controller([3.0, 0.0], {"m": 2.0})["u"] == pytest.approx(-off, rel=1e-4)
+    with fails_with(DeclarationError, "AC136"):
+        controller([0.0, 0.0], {"m": -1.0})
+
+
+def test_what_a_controller_would_ignore_is_refused() -> None:
+    problem = tracker()
+    problem.minimize(problem.integral((problem["mass.s"] - problem["m"]) ** 2))
+    with fails_with(UsageError, "AC053", match="m is to vary, but has already been used as a number"):
+        problem.controller(varying=["m"])
+    problem = Problem(Slider(), free_start=["mass.v"])
+    problem.phase(duration=2.0, intervals=20)
+    problem.minimize(problem.integral("mass.s"))
+    with fails_with(UsageError, "AC053", match="each sample gives all states"):
+        problem.controller()
+    with fails_with(UsageError, "AC053", match="does not accept these options"):
+        regulator().controller(options={"tolerances": 1.0})
+
+
+def test_gain_is_that_of_riccatis_equation() -> None:
+    """Long horizons have the gain of the discrete regulator, here of a double integrator with sampled costs.
+
+    The matrices of the sampled cost are integrals of matrix exponentials: C. Van Loan, IEEE Transactions on Automatic
+    Control 23 (1978) 395-404.
+    """
+    a, b, q = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.diag([1.0, 1.0, 0.1])
+    whole = np.vstack([np.hstack([a, b]), np.zeros((1, 3))])
+    found = scipy.linalg.expm(0.1 * np.block([[-whole.T, q], [np.zeros((3, 3)), whole]]))
+    step, cost = found[3:, 3:], found[3:, 3:].T @ found[:3, 3:]
+    ad, bd = step[:2, :2], step[:2, 2:]
+    p = scipy.linalg.solve_discrete_are(ad, bd, cost[:2, :2], cost[2:, 2:], s=cost[:2, 2:])
+    gain = np.linalg.solve(cost[2:, 2:] + bd.T @ p @ bd, bd.T @ p @ ad + cost[2:, :2])
+    problem = Problem(Slider())
+    problem.phase(duration=8.0, intervals=80)
+    s, v, u = problem["mass.s"], problem["mass.v"], problem["u"]
+    problem.minimize(problem.integral(s**2 + v**2 + 0.1 * u**2))
+    controller = problem.controller()
+    for state in ([1.0, 0.0], [0.0, 1.0]):
+        assert controller(state)["u"] == pytest.approx(float(-(gain @ state)[0]), rel=1e-4)
+    assert controller.notes == ()
+
+
+class Swinging(Component):
+    """An oscillator of ten radians in a second."""
+
+    u: Real = signal_input(default=0.0)
+    x: Real = variable(default=fixed(1.0))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == quantity(10.0, "1/s") * self.v
+        yield der(self.v) == quantity(10.0, "1/s") * (self.u - self.x)
+
+
+def swinging(step: float) -> Controller:
+    problem = Problem(Swinging())
+    problem.phase(duration=4 * step, intervals=4)
+    problem.minimize(problem.integral(problem["x"] ** 2 + 0.1 * problem["u"] ** 2))
+    return problem.controller()
+
+
+def test_samples_that_the_points_do_not_resolve_are_noted() -> None:
+    """Three points for a sample of 1.6 periods; IDAS says how far off they are. A hundredth of it is resolved."""
+    coarse, fine = swinging(1.0), swinging(0.01)
+    coarse([1.0, 0.0])
+    fine([1.0, 0.0])
+    assert "samples are coarse" in coarse.notes[0]
+    assert fine.notes == ()
+
+
+def test_a_sample_that_misses_the_tolerance_is_noted() -> None:
+    loose = dict.fromkeys(("dual_inf_tol", "constr_viol_tol", "compl_inf_tol", "tol"), 1e6)
+    options = {"acceptable_iter": 1, **{f"acceptable_{k}": v for k, v in loose.items()}}
+    controller = regulator().controller(options=options)
+    controller([3.0, 1.0])
+    assert "before it reaches the tolerance of 1e-06" in controller.notes[0]
 
 
 @pytest.mark.slow

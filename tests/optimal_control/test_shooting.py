@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from acausal.errors import UsageError
+from acausal.errors import OptimizationError, UsageError
 from acausal.models.optimal_control.ball_target import gentle_throw
 from acausal.models.optimal_control.cart_pole import swing_up
 from acausal.optimal_control import Optimum, Problem
@@ -57,6 +57,14 @@ def test_algebraic_variables_are_shot_through() -> None:
 
 def test_phases_and_jumps_are_shot_through() -> None:
     assert gentle_throw().solve(shooting="rk4").objective == pytest.approx(gentle_throw().solve().objective, rel=1e-8)
+
+
+def test_fatrop_says_when_it_stops_early() -> None:
+    problem = rest_to_rest(Slider, "u", 10)
+    with fails_with(OptimizationError, "AC703", match="no solution after 0 iterations"):
+        problem.solve(solver="fatrop", options={"max_iter": 0})
+    with fails_with(UsageError, "AC053", match="fatrop does not accept these options"):
+        problem.solve(solver="fatrop", options={"acceptable_tol": 1.0})
 
 
 def test_fatrop_finds_what_ipopt_finds() -> None:

@@ -80,11 +80,11 @@ def integrals_of(program: Program, solution: Solution, daes: Sequence[Any]) -> l
         expressions = [program.known[key(v.symbol)] for v in own]
         values = np.array([v.item() for v in solution.values(*expressions)]) if own else np.zeros(0)
         function = ca.Function("rates", point, [ca.densify(rates)])
-        found.append(Integrals(function, values, _least(program, expressions)))
+        found.append(Integrals(function, values, _least(program, expressions, solution.p)))
     return found
 
 
-def _least(program: Program, expressions: Sequence[Any]) -> Vector:
+def _least(program: Program, expressions: Sequence[Any], p: Vector) -> Vector:
     """Magnitudes below which integrals count as zero, shape (integrals,): an optimum may be a square that vanishes.
 
     Unknowns are scaled to 1, so values at points displaced by 1 are the magnitudes of the integrals.
@@ -92,6 +92,6 @@ def _least(program: Program, expressions: Sequence[Any]) -> Vector:
     if not expressions:
         return np.zeros(0)
     begin = np.concatenate(program.nlp.begin)
-    seen = np.abs([np.ravel(program.nlp.values(expressions, at)) for at in (begin, begin + 1.0)])
+    seen = np.abs([np.ravel(program.nlp.values(expressions, at, p)) for at in (begin, begin + 1.0)])
     largest = np.where(np.isfinite(seen), seen, 0.0).max(axis=0)
     return np.asarray(np.where(largest > 0.0, _ZERO * largest, 1.0))

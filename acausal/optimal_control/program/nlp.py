@@ -14,6 +14,9 @@ from acausal.errors import UsageError
 from acausal.optimal_control.program.derivatives import derivatives
 from acausal.optimal_control.program.points import Points, insert_functions
 
+# ipopt stops there if it no longer improves an iterate that does not meet the tolerance.
+_ACCEPTABLE = "Solved_To_Acceptable_Level"
+_NONE: Vector = np.zeros(0)
 # Limits of an unknown with a smaller relative difference are equal.
 _SAME = 1e-12
 
@@ -82,7 +85,7 @@ class Nlp:
     @property
     def limits(self) -> tuple[Vector, Vector]:
         """Lower and upper limits of all m constraints, each of shape (m,)."""
-        return np.concatenate(self.lower), np.concatenate(self.upper)
+        return np.concatenate([_NONE, *self.lower]), np.concatenate([_NONE, *self.upper])
 
     def casadi_program(self, weight: Any = None) -> dict[str, Any]:
         """The program for `nlpsol`, with the functions at points inserted.
@@ -94,7 +97,7 @@ class Nlp:
             return {"x": self.x, "p": self.p, "f": f, "g": g}
         return {"x": self.x, "p": ca.vertcat(self.p, weight), "f": weight * f, "g": g}
 
-    def objective_weight(self, p: Vector | None = None) -> float:
+    def objective_weight(self, p: Vector = _NONE) -> float:
         """The factor, at least 1, by which a small objective is multiplied; `p` are the parameters, shape (np,).
 
         Solvers stop when no step reduces the objective by more than an absolute tolerance, and scale down large
@@ -105,15 +108,14 @@ class Nlp:
         f = insert_functions([self.objective], self.points)[0]
         slope = ca.Function("slope", [self.x, self.p], [ca.gradient(f, self.x)])
         begin = np.concatenate(self.begin)
-        given = np.zeros(0) if p is None else p
-        sums = [float(np.abs(np.array(slope(at, given))).sum()) for at in (begin, begin + 1.0)]
+        sums = [float(np.abs(np.array(slope(at, p))).sum()) for at in (begin, begin + 1.0)]
         largest = max((s for s in sums if np.isfinite(s)), default=0.0)
         return 1.0 / largest if 0.0 < largest < 1.0 else 1.0
 
-    def values(self, expressions: Sequence[Any], x: Vector) -> list[Vector]:
-        """Values of expressions at the unknowns x, shape (n,); each has the shape of its expression."""
-        function = ca.Function("values", [self.x], insert_functions(expressions, self.points))
-        found = function(x)
+    def values(self, expressions: Sequence[Any], x: Vector, p: Vector = _NONE) -> list[Vector]:
+        """Values of expressions at unknowns x, shape (n,), and parameters p; each has the shape of its expression."""
+        function = ca.Function("values", [self.x, self.p], insert_functions(expressions, self.points))
+        found = function(x, p)
         return [np.array(v, dtype=float) for v in (found if isinstance(found, tuple | list) else [found])]
 
 
@@ -130,10 +132,21 @@ class Solution:
     success: bool
     status: str
     iterations: int
+    p: Vector = field(default_factory=lambda: _NONE)  # values of the parameters of the program, shape (np,)
 
     def values(self, *expressions: Any) -> list[Vector]:
         """Values of expressions of the unknowns, each of the shape of the expression."""
-        return self.nlp.values(expressions, self.x)
+        return self.nlp.values(expressions, self.x, self.p)
+
+
+def stopped_note(status: str, tolerance: float) -> tuple[str, ...]:
+    """A note on a solution that ipopt takes although it misses the tolerance."""
+    if status != _ACCEPTABLE:
+        return ()
+    return (
+        f"ipopt stops before it reaches the tolerance of {tolerance:g}, at its acceptable_tol: the objective "
+        "may not be the least; give magnitudes (nominal=) of variables, or a closer guess",
+    )
 
 
 def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
@@ -147,9 +160,12 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
     if solver != "ipopt":
         # do not detect a stage structure: that of fatrop does not admit free durations and decided parameters
         program = nlp.casadi_program(ca.MX.sym("weight"))
-        function = _solver(solver, program, {**common, "structure_detection": "none"})
+        function = solver_of(solver, program, {**common, "structure_detection": "none"})
         low, high = nlp.limits
-        found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high, p=nlp.weight)
+        try:
+            found = function(x0=np.concatenate(nlp.begin), lbg=low, ubg=high, p=nlp.weight)
+        except RuntimeError as error:  # fatrop reads its options here
+            raise _refused_options(solver, inner, error) from error
         found |= {"f": found["f"] / nlp.weight}
         duals = np.array(found["lam_g"]).ravel() / nlp.weight
         return _solution(nlp, function, found, np.array(found["g"]).ravel(), duals)
@@ -161,7 +177,7 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
     more: dict[str, Any] = {"grad_f": own.gradient, "jac_g": own.jacobian, "hess_lag": own.hessian, "no_nlp_grad": True}
     more |= {"calc_lam_p": False}
     program = {"x": nlp.x, "f": f, "g": rows}
-    function = _solver("ipopt", program, {**common, **more})
+    function = solver_of("ipopt", program, {**common, **more})
     found = function(x0=np.concatenate(nlp.begin), lbx=bounds.low, ubx=bounds.high, lbg=low[kept], ubg=high[kept])
     x, inner_duals = np.array(found["x"]).ravel(), np.array(found["lam_g"]).ravel()
     values, duals = np.empty(g.numel()), np.zeros(g.numel())
@@ -177,21 +193,26 @@ def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
     return _solution(nlp, function, found, values, duals)
 
 
-def _solver(name: str, program: Mapping[str, Any], options: Mapping[str, Any]) -> Any:
+def solver_of(name: str, program: Mapping[str, Any], options: Mapping[str, Any]) -> Any:
     """A solver of CasADi; AC053 for options that it does not have."""
     try:
         return ca.nlpsol("program", name, dict(program), dict(options))
     except RuntimeError as error:
-        raise UsageError(
-            "AC053",
-            f"{name} does not accept these options: {options[name]}",
-            evidence=str(error).strip().splitlines()[-1:],
-            help='options={"max_iter": 1000}, with the names and types in its manual',
-        ) from error
+        raise _refused_options(name, options[name], error) from error
+
+
+def _refused_options(name: str, options: Mapping[str, Any], error: RuntimeError) -> UsageError:
+    return UsageError(
+        "AC053",
+        f"{name} does not accept these options: {dict(options)}",
+        evidence=str(error).strip().splitlines()[-1:],
+        help='options={"max_iter": 1000}, with the names and types in its manual',
+    )
 
 
 def _solution(nlp: Nlp, function: Any, found: Any, values: Vector, duals: Vector) -> Solution:
     stats = function.stats()
+    status, iterations = stats.get("return_status", ""), int(stats.get("iter_count", 0))
     return Solution(
         nlp,
         np.array(found["x"]).ravel(),
@@ -199,8 +220,8 @@ def _solution(nlp: Nlp, function: Any, found: Any, values: Vector, duals: Vector
         duals,
         float(found["f"]),
         bool(stats.get("success", False)),
-        str(stats.get("return_status", "")),
-        int(stats.get("iter_count", 0)),
+        status if isinstance(status, str) else f"no solution after {iterations} iterations",  # fatrop has numbers
+        iterations,
     )
 
 

@@ -40,11 +40,14 @@ class ClosedLoop:
         Processor time of the controller in each sample [s], shape (samples,).
     iterations
         Iterations of ipopt in each sample, shape (samples,).
+    notes
+        Notes of the controller.
     """
 
     result: Result
     cost: Vector
     iterations: Vector
+    notes: tuple[str, ...] = ()
 
 
 @interruptible
@@ -105,7 +108,7 @@ def closed_loop(
     sampled = SampledController(controller, times, held, len(driven.time_events.relations), tuple(measure), estimate)
     run = Run(driven, chosen, p, Inputs(u, places, tuple(held)), None, sources=(sampled,))
     sampled.decide(0, run.start())
-    return ClosedLoop(run.result(), np.array(sampled.cost), np.array(sampled.iterations))
+    return ClosedLoop(run.result(), np.array(sampled.cost), np.array(sampled.iterations), controller.notes)
 
 
 @dataclass(eq=False)

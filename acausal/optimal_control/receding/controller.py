@@ -17,6 +17,7 @@ from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import transcribe
 from acausal.optimal_control.receding.warm_start import WarmStartedSolver
+from acausal.simulate.options import parameter_vector
 
 
 class Controller:
@@ -37,7 +38,9 @@ class Controller:
     def __init__(
         self, problem: StatedProblem, tolerance: float, degree: int, varying: Sequence[str], options: Mapping[str, Any]
     ) -> None:
-        check_horizon(problem)
+        q = problem.quantities
+        self._varying = [q.parameters.position(name) for name in varying]
+        _check_horizon(problem, self._varying)
         problem = problem.opened()
         q = problem.quantities
         self.problem = problem
@@ -45,12 +48,11 @@ class Controller:
         spec = problem.specs[0]
         self.step = spec.shortest / len(spec.mesh)
         guesses = initial_guess(problem)
-        laws = dynamics_of(problem, guesses)
+        laws = self._laws = dynamics_of(problem, guesses)
         check_autonomous(problem, laws[0].dae)
-        self._varying = [q.parameters.position(name) for name in varying]
         self._check_circles()
         program = transcribe(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, self._varying)
-        self._program = WarmStartedSolver("controller", program.nlp, tolerance, options)
+        self._program = WarmStartedSolver("controller", program, tolerance, options)
         self._first = ca.Function("inputs", [program.nlp.x], [program.phases[0].u[:, 0]])
         self.inputs = q.u.names
 
@@ -59,12 +61,18 @@ class Controller:
         """Iterations of ipopt in the last call."""
         return self._program.iterations
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What has been noted: samples that are coarse (the first call looks), and early ends of ipopt."""
+        return self._program.notes
+
     def __call__(self, states: Mapping[str, float] | ArrayLike, parameters: Mapping[str, float] | None = None) -> Any:
         """Values of the inputs by name, to be held for a sample.
 
         Raises OptimizationError: AC703 if there is no solution; the next call starts from the last solution again.
         Raises UsageError: AC033 for a state that is missing or not finite, AC053 for a parameter that is not one of
-        `varying`.
+        `varying`, AC023 and AC029 for its value.
+        Raises DeclarationError: AC136 and AC139 for a value outside its limits, or that contradicts others.
 
         `states`: values by name, or all in the order of `self.states`, shape (nx,).
         `parameters`: values that differ from those of the problem, by name.
@@ -80,7 +88,8 @@ class Controller:
         q = self.problem.quantities
         p = q.p if not parameters else self._given(parameters)
         c = q.coordinates.of(np.reshape(x, (-1, 1))).ravel()
-        found = self._program.solve(np.concatenate([p[self._varying], c]))
+        given = np.concatenate([p[self._varying], c])
+        found = self._program.solve(given)
         if found is None:
             raise OptimizationError(
                 "AC703",
@@ -88,6 +97,7 @@ class Controller:
                 evidence=[f"{n} = {v:.6g}" for n, v in list(zip(self.states, x, strict=True))[:6]],
                 help="keep the last inputs for this sample; limits on measured quantities may have to be soft",
             )
+        self._program.check_once(self._laws, given)
         return dict(zip(self.inputs, np.array(self._first(found)).ravel().tolist(), strict=True))
 
     def _given(self, parameters: Mapping[str, float]) -> Vector:
@@ -101,9 +111,9 @@ class Controller:
                     f"{name} does not vary from sample to sample in this controller",
                     help=f"problem.controller(varying=[..., {name!r}])",
                 )
-        p = q.p.copy()
-        for name, value in parameters.items():
-            p[q.parameters.position(name)] = value
+        p, checked = q.p.copy(), parameter_vector(q.model, parameters)
+        places = [q.parameters.position(name) for name in parameters]
+        p[places] = checked[places]
         return p
 
     def _check_circles(self) -> None:
@@ -128,23 +138,35 @@ def check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> 
             )
 
 
-def check_horizon(problem: StatedProblem, past: bool = False) -> None:
-    """AC053 for a problem that is not a horizon of samples, or, with `past`, not an estimation window."""
+def is_fixed(problem: StatedProblem) -> bool:
+    """Whether a problem has one phase of fixed duration."""
     spec = problem.specs[0]
-    fixed = len(problem.specs) == 1 and spec.shortest == spec.longest and spec.switch is None
-    if past and (not fixed or problem.objective is not None):
-        raise UsageError(
-            "AC053",
-            f"{problem!r} is no window for an estimator",
-            help="declare one phase with duration=samples * step and intervals=samples, and no objective: it follows "
-            "from the measurements",
-        )
-    if not past and (problem.objective is None or not fixed or problem.quantities.decided):
+    return len(problem.specs) == 1 and spec.shortest == spec.longest and spec.switch is None
+
+
+def _check_horizon(problem: StatedProblem, varying: Sequence[int]) -> None:
+    """AC053 for a problem that is not a horizon of samples with these varying parameters."""
+    q = problem.quantities
+    decided = {place for place, *_ in q.decided}
+    if problem.objective is None or not is_fixed(problem) or not decided.issubset(varying):
         raise UsageError(
             "AC053",
             f"{problem!r} is no horizon",
             help="declare one phase with duration=samples * step and intervals=samples, an objective, and parameters "
             "that are given at each sample instead of decided",
+        )
+    if problem.free_start:
+        raise UsageError(
+            "AC053",
+            f"the start of {q.x.names[problem.free_start[0]]} is no decision: each sample gives all states",
+            help="leave out free_start=",
+        )
+    used = [n for n in (q.parameters.names[k] for k in varying if k not in decided) if q.is_used(n)]
+    if used:
+        raise UsageError(
+            "AC053",
+            f"{used[0]} is to vary, but has already been used as a number in this problem",
+            help=f"{used[0].rpartition('.')[2]} = problem.decide({used[0]!r}) before it is used: each sample gives it",
         )
 
 

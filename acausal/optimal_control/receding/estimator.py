@@ -27,7 +27,7 @@ from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Program, along, transcribe
-from acausal.optimal_control.receding.controller import check_autonomous, check_given, check_horizon
+from acausal.optimal_control.receding.controller import check_autonomous, check_given, is_fixed
 from acausal.optimal_control.receding.warm_start import WarmStartedSolver
 
 
@@ -59,7 +59,7 @@ class Estimator:
         degree: int,
         options: Mapping[str, Any],
     ) -> None:
-        check_horizon(problem, past=True)
+        _check_window(problem)
         problem = problem.opened()
         q, spec = problem.quantities, problem.specs[0]
         self.problem, self.measured = problem, tuple(measured)
@@ -68,11 +68,11 @@ class Estimator:
         _check_names(problem, measured, deviations, self._decided)
         symbols = [q[name] for name in measured]
         guesses = initial_guess(problem)
-        laws = dynamics_of(problem, guesses)
+        laws = self._laws = dynamics_of(problem, guesses)
         check_autonomous(problem, laws[0].dae)
         program = transcribe(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, past=True)
         self._answer = _set_objective(program, symbols, measured, deviations)
-        self._program = WarmStartedSolver("estimator", program.nlp, tolerance, options)
+        self._program = WarmStartedSolver("estimator", program, tolerance, options)
         self._expected = np.concatenate([q.first, [q.p[place] for place, *_ in q.decided]])
         self._inputs: list[list[float]] = []
         self._measurements: list[list[float]] = []
@@ -83,6 +83,11 @@ class Estimator:
     def iterations(self) -> int:
         """Iterations of ipopt in the last call."""
         return self._program.iterations
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What has been noted: samples that are coarse (in the first full window), and early ends of ipopt."""
+        return self._program.notes
 
     def __call__(self, inputs: Mapping[str, float], measured: Mapping[str, float]) -> Estimate:
         """The estimate at the end of a sample.
@@ -113,6 +118,8 @@ class Estimator:
                 evidence=[f"{name} = {measured[name]:.6g}" for name in self.measured[:6]],
                 help="keep the last estimate for this sample; limit what is decided: problem.decide(name, min=, max=)",
             )
+        if here == self._width:
+            self._program.check_once(self._laws, given)
         borders, parameters = (np.array(v, dtype=float) for v in self._answer(found, given))
         self._last_solution, self._shift = (borders, parameters.ravel()), 0
         states = q.coordinates.states(borders[:, [here]]).ravel()
@@ -152,6 +159,17 @@ def _set_objective(
             cost += ((start[k] - expected[k]) / deviations[name]) ** 2
     nlp.objective = cost
     return ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
+
+
+def _check_window(problem: StatedProblem) -> None:
+    """AC053 for a problem that is no window of past samples."""
+    if not is_fixed(problem) or problem.objective is not None:
+        raise UsageError(
+            "AC053",
+            f"{problem!r} is no window for an estimator",
+            help="declare one phase with duration=samples * step and intervals=samples, and no objective: it follows "
+            "from the measurements",
+        )
 
 
 def _check_names(

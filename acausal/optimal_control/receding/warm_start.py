@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from acausal.arrays import Vector
-from acausal.optimal_control.program.nlp import Nlp
+from acausal.optimal_control.optimum.error import interval_errors
+from acausal.optimal_control.optimum.trajectory import trajectory_of
+from acausal.optimal_control.program.nlp import Solution, solver_of, stopped_note
+from acausal.optimal_control.program.radau import Dynamics, Program
 
 _OPTIONS = {
     "print_level": 0,
@@ -22,6 +26,9 @@ _OPTIONS = {
     "warm_start_mult_bound_push": 1e-6,
     "mu_init": 1e-4,
 }
+# A larger error of a sample, relative to the magnitude of a state, is noted.
+_COARSE = 1e-2
+_log = logging.getLogger(__name__)
 
 
 class WarmStartedSolver:
@@ -31,18 +38,23 @@ class WarmStartedSolver:
     ----------
     iterations, status
         Number of iterations and return status of the last call.
+    notes
+        What has been noted in any call.
     """
 
-    def __init__(self, name: str, nlp: Nlp, tolerance: float, options: Mapping[str, Any]) -> None:
+    def __init__(self, name: str, program: Program, tolerance: float, options: Mapping[str, Any]) -> None:
         ipopt = {**_OPTIONS, "tol": tolerance, **options}
         inner: dict[str, Any] = {"ipopt": ipopt, "print_time": False, "expand": True, "error_on_fail": False}
-        self._solver = ca.nlpsol(name, "ipopt", nlp.casadi_program(ca.MX.sym("weight")), inner)
-        self._nlp, self._weight = nlp, 0.0
-        low, high = nlp.limits
+        self._nlp, self._weight = program.nlp, 0.0
+        self._solver = solver_of("ipopt", self._nlp.casadi_program(ca.MX.sym("weight")), inner)
+        low, high = self._nlp.limits
         self._limits = {"lbg": low, "ubg": high}
-        self._guess: Any = np.concatenate(nlp.begin)
+        self._guess: Any = np.concatenate(self._nlp.begin)
         self._duals: Any = np.zeros(len(low))
+        self._name, self._program, self._tolerance = name, program, float(ipopt["tol"])
+        self._is_checked = False
         self.iterations, self.status = 0, ""
+        self.notes: tuple[str, ...] = ()
 
     def solve(self, p: Vector) -> Any | None:
         """Solution for the parameters p of the program, shape (np,), as a column; None if there is none.
@@ -54,8 +66,37 @@ class WarmStartedSolver:
         found = self._solver(x0=self._guess, lam_g0=self._duals, p=np.append(p, self._weight), **self._limits)
         stats = self._solver.stats()
         self.iterations = int(stats.get("iter_count", 0))
-        self.status = str(stats.get("return_status", "")).replace("_", " ")
+        status = str(stats.get("return_status", ""))
+        self.status = status.replace("_", " ")
         if not stats.get("success", True):
             return None
+        self._note(stopped_note(status, self._tolerance))
         self._guess, self._duals = found["x"], found["lam_g"]
         return found["x"]
+
+    def check_once(self, laws: Sequence[Dynamics], p: Vector) -> None:
+        """Note whether IDAS deviates from the last solution within a sample; only the first call looks.
+
+        `p`: parameters of the program, shape (np,).
+        """
+        if self._is_checked:
+            return
+        self._is_checked = True
+        x, none = np.array(self._guess).ravel(), np.zeros(0)
+        solution = Solution(self._nlp, x, none, none, np.nan, True, "", self.iterations, p)
+        (errors,), _ = interval_errors(self._program, laws, solution, trajectory_of(self._program, solution))
+        k = int(np.argmax(errors)) if len(errors) else 0
+        if len(errors) and errors[k] > _COARSE:
+            self._note(
+                (
+                    f"samples are coarse: IDAS deviates by {errors[k]:.2g} of the magnitude of a state or an integral "
+                    f"in sample {k + 1} of {len(errors)}; use shorter samples, or more points: degree=5",
+                )
+            )
+
+    def _note(self, texts: tuple[str, ...]) -> None:
+        """Log what has not been noted before."""
+        for text in texts:
+            if text not in self.notes:
+                self.notes += (text,)
+                _log.warning("%s of %s: %s", self._name, self._program.problem.compiled.name, text)
