@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, connect, fixed, part, structural
+from acausal import Component, Equations, connect, fixed, maximum, part, quantity, structural, time
 from acausal.library.contact import FrictionLaw, HalfSpace, Hybrid, KelvinVoigt, LuGre, Sphere, SurfaceContact
-from acausal.library.multibody import Body, Prismatic, Revolute, World
+from acausal.library.multibody import Body, Fixed, Prismatic, Revolute, World, WorldForce
 from acausal.library.multibody.orientation import IDENTITY
 from acausal.library.rotational import Speed
+from acausal.library.translational import Speed as Drag
 from tests.contact.scenes import G, OnGround
 from tests.marks import slow_but
 
@@ -138,3 +139,44 @@ def test_what_sticks_to_a_turning_table_turns_with_it(law: FrictionLaw) -> None:
         assert float(away[-1]) == pytest.approx(bent, rel=1e-3)
     z = r["contact.bristle"][-1] @ np.array([np.cos(0.5 * TURN), np.sin(0.5 * TURN), 0.0])
     assert float(z) == pytest.approx(bent, rel=1e-3)
+
+
+DRAGGED = 9e-5
+"""Velocity [m/s] at which a body is dragged, below that of slow sliding."""
+
+
+class DraggedAndPushed(Component):
+    """A ball that slides slowly along x, and that a force along y pushes more and more."""
+
+    world: World = World(n=(0.0, 0.0, -1.0))
+    along: Prismatic = Prismatic(n=(1.0, 0.0, 0.0), s=fixed(0.0))
+    drag: Drag = Drag(v_ref=DRAGGED)
+    across: Prismatic = Prismatic(n=(0.0, 1.0, 0.0), s=fixed(0.0), v=fixed(0.0))
+    down: Prismatic = Prismatic(n=(0.0, 0.0, 1.0), s=fixed(0.05 - G / 1e5), v=fixed(0.0))
+    ball: Body = Body(m=1.0)
+    push: WorldForce = WorldForce()
+    ground: Fixed = Fixed()
+    contact: SurfaceContact = part()
+
+    def build(self) -> None:
+        law, friction = KelvinVoigt(k=1e5), Hybrid(mu=0.5, v_s=1e-4)
+        self.contact = SurfaceContact(shape_a=Sphere(0.05), shape_b=HalfSpace(), law=law, friction=friction)
+
+    def equations(self) -> Equations:
+        yield connect(self.drag.flange, self.along.axis)
+        yield connect(self.world.frame_b, self.along.frame_a)
+        yield connect(self.along.frame_b, self.across.frame_a)
+        yield connect(self.across.frame_b, self.down.frame_a)
+        yield connect(self.down.frame_b, self.ball.frame_a, self.push.frame_b, self.contact.frame_a)
+        yield connect(self.ground.frame_b, self.contact.frame_b)
+        yield self.push.force == (0.0, quantity(20.0, "N/s") * maximum(time - quantity(0.4, "s"), 0.0), 0.0)
+
+
+def test_slow_sliding_resists_a_push_across_it() -> None:
+    """Friction points against the velocity: a push across of q mu m g gives v_y = q / sqrt(1 - q**2) v_x.
+
+    Friction that keeps its direction along x lets the push accelerate the ball, to 0.1 m/s.
+    """
+    r = acausal.simulate(DraggedAndPushed(), stop_time=0.5, tolerance=1e-7)
+    q = 2.0 / (0.5 * G)
+    assert r.final("across.v") == pytest.approx(q / np.sqrt(1 - q**2) * DRAGGED, rel=0.02)

@@ -153,7 +153,7 @@ class SurfaceContact(Component):
         breaks = where(stuck, dot(pull, pull) - law.limit * law.limit, -1.0) > 0.0
         turns = where(slow, along + _BACK * law.v_s, law.v_s) < 0.0
         speed = smooth_speed(self.slip, _STILL)
-        fast = where(stuck, -law.v_s, where(slow, along - law.v_s, speed - 0.5 * law.v_s)) > 0.0
+        fast = where(stuck, -law.v_s, speed - where(slow, law.v_s, 0.5 * law.v_s)) > 0.0
         after_slow = where(turns, 0, where(fast, 2, 1))
         yield self.mode == where(stuck, where(breaks, 1, 0), where(slow, after_slow, where(fast, 2, 1)))
         pulled = smooth_speed(pull, 1e-9)
