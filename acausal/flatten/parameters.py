@@ -68,19 +68,18 @@ class ParameterTable:
     def _resolve(self, instance: Instance, name: str) -> Scalars:
         path = instance.prefix + name
         declaration = instance.component._declarations[name]
-        if path in self.overrides:
-            return self._free(
-                path, declaration, entries(path, declaration.shape, self.overrides[path], declaration.unit)
-            )
         entry_overrides: dict[int, float] = (
             {}
             if not self.overrides
             else {
                 k: entries(path + s, (), self.overrides[path + s], declaration.unit)[0]
                 for k, s in enumerate(suffixes(declaration.shape))
-                if path + s in self.overrides
+                if s and path + s in self.overrides
             }
         )
+        if path in self.overrides:
+            whole = entries(path, declaration.shape, self.overrides[path], declaration.unit)
+            return self._free(path, declaration, [entry_overrides.get(k, v) for k, v in enumerate(whole)])
         value: Expr | None = instance.component.__dict__["_values"].get(name)
         if value is None:
             raise _missing([(instance, name, declaration)])

@@ -169,7 +169,8 @@ def parameter_vector(compiled: CompiledModel, given: Mapping[str, object]) -> Ve
         return p
     index = {name: k for k, name in enumerate(compiled.parameters)}
     declared = {f.path: f for f in compiled.flat.parameters}
-    for path, value in given_values(given).items():
+    # an entry replaces that of its whole array, in any order, as in `compile`
+    for path, value in sorted(given_values(given).items(), key=lambda item: item[0] not in declared):
         exact = declared.get(path)
         names = [path + s for s in suffixes(exact.declaration.shape)] if exact is not None else [path]
         fixed = [n for n in names if n in compiled.flat.frozen]

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from acausal import Component, Real, parameter
+from acausal import Component, Real, parameter, structural
 from acausal.cli.arguments.reference import find_model
 from acausal.cli.arguments.settings import prepare
+from acausal.cli.study.sweep import variations_of
 from acausal.errors import AcausalError, UsageError
+from acausal.library.blocks import Extrapolation
 from acausal.models.drilling_dynamic import ThickBlock
 from acausal.models.oscillator import Oscillator
 from acausal.models.rc_ladder import RCLadder
@@ -78,7 +80,7 @@ def test_what_is_no_model() -> None:
 
 
 def test_values_by_path_in_si() -> None:
-    prepared = prepare(ThickBlock, ["drill.d=20mm", "body.r_CM=[1mm, 2mm, 3]", "drill.force.k_c11=2100 N/mm2"])
+    prepared = prepare(ThickBlock, ["drill.d=20mm", "body.r_CM=[1mm, 2mm, 3m]", "drill.force.k_c11=2100 N/mm2"])
     assert prepared.parameters["drill.d"] == 0.02
     assert prepared.parameters["body.r_CM"] == (0.001, 0.002, 3.0)
     assert prepared.parameters["drill.force.k_c11"] == pytest.approx(2.1e9)
@@ -87,6 +89,33 @@ def test_values_by_path_in_si() -> None:
 def test_entries_of_an_array_keep_the_others() -> None:
     prepared = prepare(ThickBlock, ["body.r_CM[1]=5cm", "body.r_CM[2]=1"])
     assert prepared.parameters == {"body.r_CM": (0.0, 0.05, 1.0)}
+
+
+def test_an_entry_replaces_that_of_the_whole() -> None:
+    for texts in (["p=1,2", "p[0]=3"], ["p[0]=3", "p=1,2"]):
+        assert prepare(Arrays, texts).parameters == {"p": (3.0, 2.0)}
+
+
+def test_numbers_without_a_unit_beside_others_are_refused() -> None:
+    """1,2,3mm was 1 m, 2 m and 3 mm; zeros are the same in both units, except of temperatures."""
+    for text in ("body.r_CM=[1,2,3mm]", "body.r_CM=[1mm,2mm,3]"):
+        with pytest.raises(UsageError, match="no unit") as error:
+            prepare(ThickBlock, [text])
+        assert _code(error) == "AC151"
+    assert prepare(ThickBlock, ["body.r_CM=[0,2 m,3mm]"]).parameters["body.r_CM"] == (0.0, 2.0, 0.003)
+    for text in ("m=1:2g:5", "m=1,2,3g", "m=log:1:2g:5", "m=normal:1:2g"):
+        with pytest.raises(UsageError, match="no unit"):
+            variations_of(Oscillator(), [text])
+    assert variations_of(Oscillator(), ["m=0:2g:5"])["m"].high == 0.002
+
+
+def test_members_of_enumerations_are_given_by_name() -> None:
+    assert prepare(Tabulated, ["beyond=HOLD_LAST_POINT"]).structural["beyond"] is Extrapolation.HOLD_LAST_POINT
+    for text in ("1", '"HOLD_LAST_POINT"', "HOLD"):
+        with pytest.raises(UsageError, match="beyond") as error:
+            prepare(Tabulated, [f"beyond={text}"])
+        assert _code(error) == "AC003"
+        assert "HOLD_LAST_POINT, LAST_TWO_POINTS" in str(error.value)
 
 
 def test_structural_values_become_constructor_arguments() -> None:
@@ -102,6 +131,12 @@ class Arrays(Component):
 
     M: Real = parameter(default=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)), shape=(2, 3))
     p: Real = parameter(default=(1.0, 2.0), shape=2, unit="Pa")
+
+
+class Tabulated(Component):
+    """An enumeration."""
+
+    beyond: Extrapolation = structural(default=Extrapolation.LAST_TWO_POINTS)
 
 
 @pytest.mark.parametrize("text", ["[[1, 2, 3], [4, 5, 6]]", "((1,2,3),(4,5,6))", "[1,2,3],[4,5,6]", "1,2,3,4,5,6"])

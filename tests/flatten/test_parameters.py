@@ -57,6 +57,14 @@ def test_free_parameters_are_those_with_numbers() -> None:
     assert flat.parameter_names == ("m", "a.r", *axes)
 
 
+@pytest.mark.parametrize("order", [("a.axis", "a.axis[1]"), ("a.axis[1]", "a.axis")])
+@pytest.mark.parametrize("make", [Pair, lambda: acausal.compile(Pair())])
+def test_an_entry_replaces_that_of_the_whole_in_any_order(order: tuple[str, str], make: Any) -> None:
+    values = {"a.axis": (0.1, 0.2, 0.3), "a.axis[1]": 0.5}
+    result = acausal.simulate(make(), parameters={name: values[name] for name in order})
+    np.testing.assert_array_equal(result["a.axis"][0], [0.1, 0.5, 0.3])
+
+
 def test_values_from_outside_go_through_the_chain() -> None:
     """r = 1 doubles a.d and, through b.r = 2 a.r, b.d."""
     compiled = acausal.compile(Pair())

@@ -14,7 +14,7 @@ from acausal import Component, Equations, Real, der, fixed, guess, parameter, pa
 from acausal.errors import DeclarationError
 from acausal.flatten.flatten import flatten
 from acausal.language.declarations.declaration import Fixed, Guess
-from acausal.library.blocks import TimeTable
+from acausal.library.blocks import CombiTable1D, TimeTable
 from tests.expected import fails_with
 
 
@@ -123,6 +123,14 @@ def test_structural_values_are_of_the_declared_plain_type(value: Any) -> None:
     """A number of periods is counted with `range`; what is declared otherwise than as a plain type takes anything."""
     with fails_with(DeclarationError, "AC115"):
         Lag(n=value)
+
+
+@pytest.mark.parametrize("value", ["HOLD_LAST_POINT", 1, "its value"])
+def test_a_member_of_an_enumeration_is_no_text(value: Any) -> None:
+    """A name in place of the member was neither of the two extrapolations: the table took the other one."""
+    make: Any = CombiTable1D
+    with fails_with(DeclarationError, "AC115", "Extrapolation"):
+        make(table=((0.0, 0.0), (1.0, 1.0)), extrapolation=value)
 
 
 def test_starts_of_parameters_are_refused() -> None:

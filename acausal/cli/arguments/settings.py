@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 from acausal.errors import AcausalError, Span, UsageError
@@ -17,10 +18,11 @@ from acausal.language.component import Component
 from acausal.language.connections.freeing import free
 from acausal.language.declarations.declaration import Declaration, Kind
 from acausal.language.statement import Origin
-from acausal.units import convert
+from acausal.units import convert, is_coherent
 
 # `_COMMA` matches commas between names, not those of R[0,1].
 _NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_QUANTITY = re.compile(rf"{_NUMBER.pattern}(?P<unit>.*)", re.DOTALL)
 _COMMA = re.compile(r",(?![^\[]*\])")
 _SPACE = 3
 _ELEMENT = re.compile(r"(?P<path>.+?)\[(?P<index>\d+(?:\s*,\s*\d+)*)\]")
@@ -87,6 +89,23 @@ def number_in(flag: str, text: str, value: str, declared: Declaration | None) ->
         raise UsageError("AC009", f"{flag} {text}: {fact}") from error
 
 
+def refuse_mixed(argument: str, texts: Sequence[str], unit: str) -> None:
+    """Refuse numbers without a unit beside numbers in another unit than the declared one: in `1,2,3mm` 1 is no metre.
+
+    Raises UsageError: AC151. Zeros are the same in all units, but for temperatures with an offset.
+    """
+    units = {text.strip(): match["unit"].strip() for text in texts if (match := _QUANTITY.fullmatch(text))}
+    other = next((u for u in units.values() if u and not is_coherent(u)), None)
+    has_offset = other is not None and convert(f"0 {other}", unit or "1") != 0.0
+    for text, own in units.items():
+        if other is not None and not own and (has_offset or float(text) != 0.0):
+            raise UsageError(
+                "AC151",
+                f"{argument}: {text} has no unit, and another number is in {other}",
+                help=f"write {text}{other}" + (f", or {text}{unit}" if unit else ""),
+            )
+
+
 def difference_in(flag: str, text: str, value: str, declared: Declaration | None) -> float:
     """The difference in `value`, as `number_in`: a difference in degrees Celsius has no offset."""
     match = _NUMBER.match(value)
@@ -141,6 +160,16 @@ def _split(text: str) -> tuple[str, str]:
 
 def _structural(path: str, text: str, declaration: Declaration) -> object:
     default = declaration.default
+    if isinstance(default, Enum):
+        members = type(default).__members__
+        if text in members:
+            return members[text]
+        raise UsageError(
+            "AC003",
+            f"'{text}' is not a value for the structural '{path}'",
+            evidence=[f"its default is {default.name}"],
+            help=f"give one of {', '.join(members)}",
+        )
     try:
         value = ast.literal_eval(text)
     except (ValueError, SyntaxError, MemoryError, RecursionError):
@@ -175,7 +204,8 @@ def _values(model: Component, given: dict[str, str]) -> dict[str, object]:
     whole = {path if path in declared else _element(path)[0] for path in given}
     check_overrides(dict.fromkeys(whole), found)
     values: dict[str, object] = {}
-    for path, text in given.items():
+    # an entry replaces that of the whole, wherever it stands
+    for path, text in sorted(given.items(), key=lambda item: item[0] not in declared):
         base, index = (path, None) if path in declared else _element(path)
         instance, declaration = declared[base]
         if index is None:
@@ -201,6 +231,7 @@ def _value(path: str, text: str, declaration: Declaration) -> Any:
     shape, rows = declaration.shape, [_list(part) for part in _list(text)]
     is_nested = any(_is_list(part) for part in _list(text))
     entries = tuple(_scalar(path, entry, declaration) for row in rows for entry in row)
+    refuse_mixed(f"--set {path}", [entry for row in rows for entry in row], declaration.unit)
     size = math.prod(shape)
     if len(entries) == 1 and size > _SPACE and not is_nested:
         return entries * size

@@ -17,7 +17,7 @@ from acausal.cli.arguments import options
 from acausal.cli.arguments.inputs import declarations, declared_as, inputs_of, numbers_of
 from acausal.cli.arguments.outputs import check_picture, check_writable
 from acausal.cli.arguments.reference import find_model
-from acausal.cli.arguments.settings import as_usage, difference_in, listed, number_in, prepare, seconds_of
+from acausal.cli.arguments.settings import as_usage, difference_in, listed, number_in, prepare, refuse_mixed, seconds_of
 from acausal.cli.output.report import quantity, record, remark, say, seconds, table
 from acausal.cli.run.progress import ProgressBar
 from acausal.errors import UsageError, counted
@@ -250,8 +250,10 @@ def variations_of(model: Component, texts: Sequence[str] | None) -> dict[str, An
 def _variation(text: str, values: str, declared: Declaration | None) -> Any:
     from acausal.study.sweep.vary import Range  # loads NumPy
 
-    def number(part: str) -> float:
-        return number_in("--vary", text, part.strip(), declared)
+    def numbers(parts: Sequence[str]) -> list[float]:
+        found = [number_in("--vary", text, part.strip(), declared) for part in parts]
+        refuse_mixed(f"--vary {text}", parts, declared.unit if declared is not None else "")
+        return found
 
     kind, _, rest = values.partition(":")
     if kind == "normal":
@@ -260,18 +262,19 @@ def _variation(text: str, values: str, declared: Declaration | None) -> Any:
         parts = rest.split(":")
         if len(parts) != 2:
             raise _unreadable(text)
-        return norm(number(parts[0]), difference_in("--vary", text, parts[1].strip(), declared))
+        mean, _ = numbers(parts)
+        return norm(mean, difference_in("--vary", text, parts[1].strip(), declared))
     is_log = kind == "log"
     parts = (rest if is_log else values).split(":")
     if len(parts) in (2, 3):
         if len(parts) == 3 and not parts[2].strip().isdecimal():
             raise _unreadable(text)
         count = int(parts[2]) if len(parts) == 3 else None
-        ends = number(parts[0]), number(parts[1])
+        ends = numbers(parts[:2])
         return as_usage(f"--vary {text}", Range, *ends, count, is_log)
     if len(parts) > 3 or is_log:
         raise _unreadable(text)
-    return [number(part) for part in values.split(",")]
+    return numbers(values.split(","))
 
 
 def _unreadable(text: str) -> UsageError:

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from types import FrameType
 from typing import Any
 
@@ -286,11 +287,15 @@ _PLAIN: dict[str, tuple[type, ...]] = {"int": (int,), "bool": (bool,), "str": (s
 def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     """A given structural value, with numpy scalars converted to Python numbers, and containers copied.
 
-    Raises DeclarationError: AC115 if it is not of the plain type that the class declares.
+    Raises DeclarationError: AC115 if it is not of the plain type that the class declares, or no member of the
+    enumeration of its default.
     """
     annotation = next((a[name] for base in cls.__mro__ if name in (a := inspect.get_annotations(base))), None)
     declared = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "")
-    accepted = _PLAIN.get(declared)
+    default, accepted = getattr(cls._declarations.get(name), "default", None), _PLAIN.get(declared)
+    if accepted is None and isinstance(default, Enum) and not isinstance(default, int | str):
+        # its members equal nothing else: any other value would count as none of them
+        accepted, declared = (type(default),), type(default).__name__
     if accepted is None:
         return own_copy(value)
     plain = value.item() if hasattr(value, "item") else value
@@ -299,7 +304,7 @@ def checked_structural(cls: type[Owner], name: str, value: Any) -> Any:
     raise DeclarationError(
         "AC115",
         f"{cls.__name__}: structural '{name}' is declared as {declared}, but {value!r} is none",
-        help=f"give {'an' if declared == 'int' else 'a'} {declared}: {cls.__name__}({name}=...)",
+        help=f"give {'an' if declared[0] in 'aeiouAEIOU' else 'a'} {declared}: {cls.__name__}({name}=...)",
     )
 
 
