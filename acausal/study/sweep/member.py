@@ -22,8 +22,12 @@ from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
 
-# Output times that differ by less than this fraction of the largest one are equal.
-_SAME = 1e-13
+# A row is that of an output time if they differ by less than this fraction of the run, since an event takes the place
+# of a row beside it, or of the largest time, by rounding.
+_ONE_INSTANT, _ROUNDING = 2e-12, 1e-13
+# Codes of values for which a model has to be compiled again: other states or pivots, other delays, and equations that
+# are solved for something that has no value with them.
+OTHER_STRUCTURE = ("AC029", "AC037", "AC303")
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,7 @@ class Task:
 
     model: CompiledModel
     # Component (None for a compiled model) and parameters from which the model was compiled, to compile it again for
-    # members with another structure (AC029).
+    # members with another structure.
     component: Component | None
     parameters: Mapping[str, Any]
     names: tuple[str, ...]  # varied parameters
@@ -74,7 +78,7 @@ def run_member(task: Task, member: int, values: Sequence[float], *, checked: boo
         final, rows = stored_values(task, result)
     except Exception as error:
         shown = as_acausal_error(error)
-        if not checked and isinstance(error, UsageError) and error.code != "AC029":
+        if not checked and isinstance(error, UsageError) and error.code not in OTHER_STRUCTURE:
             raise
         reached = getattr(getattr(error, "result", None), "time", np.array([np.nan]))[-1]
         return failed(task, member, shown.code, shown.fact, float(reached), time.perf_counter() - start)
@@ -105,15 +109,16 @@ def run_task(task: Task, values: Sequence[float]) -> Result:
     own = dict(zip(task.names, values, strict=True))
     try:
         return simulate(task.model, parameters=own, **task.options)
-    except UsageError as error:
-        if error.code != "AC029" or task.component is None:
+    except AcausalError as error:
+        if error.code not in OTHER_STRUCTURE or task.component is None:
             raise
     return simulate(task.component, parameters={**task.parameters, **own}, **task.options)
 
 
 def stored_values(task: Task, result: Result) -> tuple[Vector, Vector]:
     """(Values at the end of a run, shape (s,); values on the grid, shape (r, s))."""
-    slack = _SAME * max(abs(task.grid[0]), abs(task.grid[-1]))
+    first, last = float(task.grid[0]), float(task.grid[-1])
+    slack = max(_ONE_INSTANT * (last - first), _ROUNDING * max(abs(first), abs(last)))
     row = np.searchsorted(result.time, task.grid + slack, side="right") - 1
     on_grid = np.abs(result.time[row] - task.grid) <= slack
     values = np.stack([result[name] for name in task.signals], axis=1)
@@ -139,23 +144,37 @@ def forget(key: str) -> None:
 
 
 def unpickled(pickled: bytes) -> Task:
-    """The task pickled by `acausal.study.sweep.workers.pickled`; source files in it are executed as modules.
+    """The task pickled by `acausal.study.sweep.workers.pickled`; a source file in it is executed as a module.
 
     Raises pickle.UnpicklingError: for any error, with its message.
     """
     try:
         files, content = pickle.loads(pickled)
-        for name, file, source in files:
-            if name not in sys.modules:
-                module = sys.modules[name] = ModuleType(name)
-                module.__file__ = file
-                sys.path.append(
-                    str(Path(file).parent)
-                )  # for imports of neighbouring files, if the folder exists on this machine
-                exec(compile(source, file, "exec"), module.__dict__)
+        # a worker may outlive a model: another folder may have a file of its name, or the file has been edited
+        if files and getattr(sys.modules.get(files[0][0]), SENT, None) != files:
+            _execute(files)
         return cast(Task, pickle.loads(content))
     except Exception as error:
         raise pickle.UnpicklingError(f"{type(error).__name__}: {error}") from error
+
+
+SENT = "_acausal_sent"
+"""Attribute of the module of a model: the (name, path, source) of its file, and of those beside it that it imports."""
+
+
+def _execute(files: Sequence[tuple[str, str, str]]) -> None:
+    """Make the module of a model from the first of the files; it imports the others, where their folder exists."""
+    name, file, source = files[0]
+    folder, former = Path(file).parent, getattr(sys.modules.get(name), "__file__", None)
+    folders = {folder, Path(former).parent} if former else {folder}
+    for other, loaded in list(sys.modules.items()):
+        if (path := getattr(loaded, "__file__", None)) and Path(path).parent in folders:
+            del sys.modules[other]
+    sys.path.insert(0, str(folder))
+    module = sys.modules[name] = ModuleType(name)
+    module.__file__ = file
+    exec(compile(source, file, "exec"), module.__dict__)
+    setattr(module, SENT, files)
 
 
 def run_chunk(key: str, pickled: bytes | None, members: Sequence[tuple[int, tuple[float, ...]]]) -> list[Outcome]:

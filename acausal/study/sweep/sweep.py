@@ -30,7 +30,7 @@ from acausal.simulate.record.record import Described
 from acausal.study.sweep.cluster import cluster
 from acausal.study.sweep.family import Progress, Report, Sweep, sweep_from
 from acausal.study.sweep.identity import as_text, driven, fingerprint, run_times, unknown_functions
-from acausal.study.sweep.member import Outcome, Task, run_member
+from acausal.study.sweep.member import OTHER_STRUCTURE, Outcome, Task, run_member
 from acausal.study.sweep.store import Definition, Store
 from acausal.study.sweep.vary import design
 from acausal.study.sweep.workers import CallingThread, GivenExecutor, Processes, Workers, run_all
@@ -242,7 +242,7 @@ def _check_names(compiled: CompiledModel, names: tuple[str, ...], values: Vector
     try:
         parameter_vector(compiled, dict(zip(names, values[0].tolist(), strict=True)))
     except (DeclarationError, UsageError) as error:
-        if isinstance(error, UsageError) and error.code != "AC029":
+        if isinstance(error, UsageError) and error.code not in OTHER_STRUCTURE:
             raise
 
 

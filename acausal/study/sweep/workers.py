@@ -33,7 +33,7 @@ from typing import Any, Protocol
 
 from acausal.errors import RunError, UsageError
 from acausal.language.component import Component
-from acausal.study.sweep.member import Outcome, Task, failed, forget, remember, run_chunk
+from acausal.study.sweep.member import SENT, Outcome, Task, failed, forget, remember, run_chunk
 
 Member = tuple[int, tuple[float, ...]]
 Keep = Callable[[Sequence[Outcome]], None]
@@ -182,13 +182,23 @@ def _dumps(task: Task) -> bytes:
 
 
 def _source_files(component: Component | None) -> list[tuple[str, str, str]]:
-    """(Name, path, source) of the module of a model that cannot be imported by name, because its path was given."""
+    """(Name, path, source) of the module of a model that cannot be imported by name, because its path was given.
+
+    The modules in the folder of its file follow, so that a worker notices when one of them has changed.
+    """
     module = sys.modules.get(type(component).__module__)
     if component is None or module is None or module.__name__ == "__main__" or not module.__file__:
         return []
     if PathFinder.find_spec(module.__name__.partition(".")[0]) is not None:
         return []
-    return [(module.__name__, module.__file__, Path(module.__file__).read_text(encoding="utf-8"))]
+    if SENT not in vars(module):
+        folder = Path(module.__file__).parent
+        beside = {n: p for n, m in sys.modules.items() if (p := getattr(m, "__file__", None)) and m is not module}
+        near = {n: p for n, p in sorted(beside.items()) if Path(p).parent == folder and p.endswith(".py")}
+        files = {module.__name__: module.__file__, **near}
+        setattr(module, SENT, [(n, p, Path(p).read_text(encoding="utf-8")) for n, p in files.items()])
+    sent: list[tuple[str, str, str]] = vars(module)[SENT]
+    return sent
 
 
 def run_all(team: Workers, task: Task, members: Sequence[Member], pace: float, keep: Keep) -> None:

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Range
+from acausal import Component, Equations, Range, Real, delay, der, fixed, integer, parameter, reset, variable, when
+from acausal import time as time_of_run
 from acausal.cli.arguments.reference import find_model
 from acausal.errors import InitializationError, RunError, UsageError
 from acausal.lower.cache import cache
@@ -30,6 +31,31 @@ from acausal.study.sweep.family import Progress
 from tests.lower.test_cache import Choice
 from tests.simulate.test_native_foreign import Decaying
 from tests.study.sweep.decays import Decay
+
+
+class Late(Component):
+    """y(t) = x(t - T), x = t."""
+
+    T: Real = parameter(default=0.5)
+    x: Real = variable(default=fixed(0.0))
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.y == delay(self.x, self.T)
+
+
+class Switched(Component):
+    """n = 0 before `T`, 1 from then on."""
+
+    T: Real = parameter(default=0.5)
+    x: Real = variable(default=fixed(0.0))
+    n: Real = integer()
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.n
+        yield when(time_of_run >= self.T, reset(self.n, 1))
+
 
 ROOT = Path(__file__).resolve().parents[3]
 GRID = {"k": Range(0.5, 2.0, 4), "a": [1.0, 3.0]}
@@ -130,6 +156,20 @@ def test_a_member_with_other_states_is_compiled_for_itself() -> None:
     assert found.codes == ("AC302", "AC302")
     with pytest.raises(InitializationError, match="AC302"):
         acausal.simulate(Choice(k=2.0), stop_time=0.1)
+
+
+def test_a_delay_of_zero_is_compiled_for_itself() -> None:
+    """x = t, so y = t - T; with T = 0 there is no delay in the equations, whichever member is the first."""
+    for values in ([0.0, 0.25], [0.25, 0.0]):
+        found = acausal.sweep(Late(), {"T": values}, signals=["y"], stop_time=1.0, workers=1)
+        assert found.final("y") == pytest.approx(1.0 - found["T"])
+
+
+@pytest.mark.parametrize("off", [1e-13, -1e-13, 0.0])
+def test_an_event_beside_a_row_takes_its_place(off: float) -> None:
+    """n = 1 from `T` on; a row within 1e-12 of an event is that of the event, and was nan in a sweep."""
+    found = acausal.sweep(Switched(), {"T": [0.6 + off]}, signals=["n"], output_interval=0.1, workers=1)
+    np.testing.assert_array_equal(found["n"][0], [0.0] * 6 + [1.0] * 5)
 
 
 def test_a_process_that_dies_costs_its_member_only(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -367,7 +407,8 @@ def test_a_file_that_is_no_sweep_is_left_alone(tmp_path: Path) -> None:
 _LONG = """
 import sys
 import acausal
-from acausal import Range
+from acausal import Component, Equations, Range, Real, delay, der, fixed, integer, parameter, reset, variable, when
+from acausal import time as time_of_run
 from tests.simulate.test_native_foreign import Decaying
 from tests.study.sweep.decays import Decay
 
@@ -450,6 +491,44 @@ def test_processes_that_know_nothing_get_the_file_of_the_model(tmp_path: Path, m
     with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
         found = acausal.sweep(model(), {"k": [1.0, 2.0, 3.0, 4.0]}, signals=["x"], stop_time=1.0, executor=pool)
     assert found.final("x") == pytest.approx(np.exp(-found["k"]), abs=1e-5)
+
+
+def test_a_worker_that_outlives_a_model_takes_the_next_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """x' = 1 from the start that a neighbour of the file holds: in another folder, and after the neighbour was edited.
+
+    Member 1 has other states (a delay of zero), so the worker compiles the component itself.
+    """
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    source = """from acausal import Component, Real, delay, der, fixed, parameter, variable
+from the_start import START
+class Late(Component):
+    T: Real = parameter(default=0.5)
+    x: Real = variable(default=fixed(START))
+    y: Real = variable()
+    def equations(self):
+        yield der(self.x) == 1.0
+        yield self.y == delay(self.x, self.T)
+"""
+    sent: list[bytes] = []
+    for folder, start in (("a", 1.0), ("b", 2.0), ("b", 3.0)):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / "late.py").write_text(source)
+        # the size tells Python that its bytecode is old, within the resolution of the time of the file
+        (tmp_path / folder / "the_start.py").write_text(f"START = {start}" + "\n" * len(sent))
+        sys.modules.pop("the_start", None)
+        sys.path[:] = [str(tmp_path / folder), *sys.path]
+        model = find_model(f"{tmp_path}/{folder}/late.py:Late")()
+        options = {"stop_time": 1.0}
+        task = members.Task(acausal.compile(model), model, {}, ("T",), np.array([0.0, 1.0]), ("y",), options)
+        sent.append(workers.pickled(task))
+        if folder == "a":
+            continue
+        del sys.modules[type(model).__module__], sys.modules["the_start"]  # a worker has neither
+        first, last = (members.unpickled(pickled) for pickled in (sent[0], sent[-1]))
+        assert float(members.run_task(first, [0.0]).final("y")) == pytest.approx(2.0)
+        assert float(members.run_task(last, [0.0]).final("y")) == pytest.approx(start + 1.0)
 
 
 def test_a_worker_that_cannot_load_the_model_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
