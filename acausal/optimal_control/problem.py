@@ -315,7 +315,7 @@ class StatedProblem:
             base = base if expression.numel() == 1 else (names[k] if is_name and not name else f"{base}[{k}]")
             text = base if name else constraint_text(base, lower, upper)
             scale = self.quantities.nominal(names[k]) if is_name else _magnitude(lower, upper)
-            variable = names[k] if is_name else None
+            variable = names[k] if is_name else self.quantities.name_of(entry)
             if any(c.name == text and (c.lower, c.upper) != (lower, upper) for c in self.constraints):
                 raise UsageError(
                     "AC051",

@@ -105,6 +105,11 @@ class Quantities:
         (output,) = named_outputs(self.compiled, [name])
         return float(output.declaration.nominal)
 
+    def name_of(self, expression: Any) -> str | None:
+        """Name of the scalar variable whose symbol an expression is; None for others."""
+        names = [o.name for o, s in zip(self.outputs, self.symbols, strict=True) if key(s) == key(expression)]
+        return names[0] if names else None
+
     def is_used(self, name: str) -> bool:
         """Whether a variable or a parameter has been used in the problem."""
         return name in self._known

@@ -15,7 +15,8 @@ from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.guess import initial_guess
-from acausal.optimal_control.optimum.error import interval_errors, replay_error
+from acausal.optimal_control.optimum.between import run_integral_error, violation_note
+from acausal.optimal_control.optimum.error import interval_errors, replayed
 from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
 from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
 from acausal.optimal_control.phases import bias, check_optimum, dynamics_of, kinks
@@ -112,7 +113,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
             laws = dynamics_of(problem, first_guesses, widths, is_relaxed)
             continue
         best = optimum_of(problem, program, solution, trajectory, first.input_sizes)
-        errors, drift, is_blind, meeting = _errors(problem, program, laws, solution, trajectory, best)
+        errors, drift, is_blind, seen = _errors(problem, program, laws, solution, trajectory, best)
         worst = max((float(e.max()) for e in errors), default=0.0)
         stopwatch.lap("check")
         if accuracy is None or worst <= accuracy:
@@ -138,7 +139,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
         *problem.quantities.begin.notes,
         *stopped_note(solution.status, choices.tolerance),
         *notes,
-        *meeting,
+        *seen,
         *(_smoothing_note(widths, smoothing_bias) if choices.smooth else ()),
     )
     for note in stats["notes"]:
@@ -154,20 +155,23 @@ def _errors(
     trajectory: Trajectory,
     best: Optimum,
 ) -> tuple[list[Vector], float, bool, tuple[str, ...]]:
-    """(Errors of the intervals of each phase, error of the replay, whether the points miss its cause, its notes).
+    """(Errors of the intervals of each phase, error of the replay, whether the points miss its cause, notes).
 
     Each array of errors has shape (intervals,).
     """
     if not program.complementarity:
         check_optimum(problem, laws, trajectory)
-    drift, increases, meeting = replay_error(best, [len(phase.mesh) for phase in program.phases])
+    replay = replayed(best, [len(phase.mesh) for phase in program.phases])
+    drift, run = replay.drift, replay.run
+    notes = (*replay.notes, *violation_note(program, solution, trajectory, best, run))
     if program.complementarity:
-        return _switch_errors(program, solution, drift), drift, False, meeting
+        off = run_integral_error(program, laws, solution, trajectory, run) if run is not None else drift
+        return _switch_errors(program, solution, max(drift, off)), drift, False, notes
     errors, accumulated = interval_errors(program, laws, solution, trajectory)
     is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
     if is_blind:
-        errors = [np.maximum(*pair) for pair in zip(errors, increases, strict=True)]
-    return errors, drift, is_blind, meeting
+        errors = [np.maximum(*pair) for pair in zip(errors, replay.increases, strict=True)]
+    return errors, drift, is_blind, notes
 
 
 def _with_new_branches(
@@ -191,8 +195,8 @@ def _switch_note(worst: float) -> tuple[str, ...]:
     if worst <= 10 * _NOTED:
         return ()
     return (
-        f"switches lie within intervals: a run with these inputs deviates by {worst:.2g} of a state's magnitude; "
-        "solve(accuracy=1e-2)",
+        f"switches lie within intervals: a run with these inputs deviates by {worst:.2g} of the magnitude of a state "
+        "or an integral; solve(accuracy=1e-2)",
     )
 
 

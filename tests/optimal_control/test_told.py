@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 import pytest
 
-from acausal import Component, Equations, Real, der, fixed, signal_input, variable
+from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, sin, time, variable
 from acausal.errors import OptimizationError, UsageError
+from acausal.library.blocks import TimeTable
 from acausal.optimal_control import Problem
 from tests.expected import fails_with
+from tests.optimal_control.test_rounding import Rubbing
 
 
 class Cart(Component):
@@ -142,3 +145,97 @@ def test_a_constraint_on_a_truth_value_is_refused() -> None:
             problem.subject_to(constraint)
     with fails_with(UsageError, "AC051", "is on a truth value"):
         problem.subject_to(ca.logic_or(u <= 1.0, u >= 3.0), min=1.0)
+
+
+@pytest.mark.parametrize("stated", ["u", "relation", "square"])
+def test_a_limit_between_the_points_is_kept_or_noted(stated: str) -> None:
+    """An input may leave its limit between the points, and be faster than 2 sqrt(d/a), only where a note says so."""
+    problem = Problem(Cart())
+    problem.phase(duration=(0.1, 10.0), intervals=7)
+    u = problem["u"]
+    if stated == "u":
+        problem.subject_to("u", min=-1.0, max=1.0)
+    elif stated == "relation":
+        problem.subject_to(u <= 1.0)
+        problem.subject_to(-1.0 <= u)
+    else:
+        problem.subject_to(u**2 <= 1.0)
+    problem.subject_to(problem.end("s") == 4.0)
+    problem.subject_to(problem.end("v") == 0.0)
+    problem.minimize(problem.duration)
+    best = problem.solve()
+    largest = float(np.abs(best.at(np.linspace(0.0, float(best.time[-1]), 1000), "u")).max())
+    notes: Any = best.stats["notes"]
+    if stated == "square":
+        assert largest > 1.1
+        assert "sq(u) <= 1 is violated between the points" in notes[0]
+    else:
+        assert largest < 1.0 + 1e-6
+        assert best.objective > 4.0
+        assert notes == ()
+
+
+class Priced(Component):
+    """A way at a price that is 10 for 20 ms, which no state follows."""
+
+    u: Real = signal_input(default=0.0)
+    x: Real = variable(default=fixed(0.0), unit="s")
+    price: TimeTable = TimeTable(
+        table=((0.0, 0.0), (0.45, 0.0), (0.45, 10.0), (0.47, 10.0), (0.47, 0.0), (1.0, 0.0)), offset=0.0
+    )
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+
+
+def test_a_pulse_of_a_table_in_an_integral_is_noted() -> None:
+    """The points miss it, so u = 1 costs 1, where the pulse adds a fifth."""
+    problem = Problem(Priced())
+    problem.phase(duration=1.0, intervals=4)
+    problem.subject_to(problem.end("x") == 1.0)
+    problem.minimize(problem.integral(problem["u"] ** 2 + problem["price.y"] * problem["u"]))
+    best = problem.solve()
+    stats: Any = best.stats
+    assert best.objective == pytest.approx(1.0, rel=1e-6)
+    assert stats["interval_error"] == pytest.approx(0.2 / 1.2, rel=1e-4)
+    assert "the mesh is coarse" in stats["notes"][0]
+
+
+class Silent(Component):
+    """No state, and no input that acts."""
+
+    u: Real = signal_input(default=0.0)
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.y == sin(quantity(50.0, "1/s") * time) + 0.0 * self.u
+
+
+def test_integrals_of_models_without_states_are_checked() -> None:
+    """The integral of sin(50 t)**2 over a second is 1/2 - sin(100)/200; nothing constrains the program."""
+    problem = Problem(Silent())
+    problem.phase(duration=1.0, intervals=5)
+    problem.minimize(problem.integral(problem["y"] ** 2 + problem["u"] ** 2))
+    best, exact = problem.solve(), 0.5 - np.sin(100.0) / 200
+    stats: Any = best.stats
+    assert abs(best.objective / exact - 1) > 0.01
+    assert "the mesh is coarse" in stats["notes"][0]
+    assert problem.solve(accuracy=1e-6).objective == pytest.approx(exact, rel=1e-5)
+
+
+def test_integrals_with_complementarity_are_those_of_a_run() -> None:
+    """A steep power of the speed of a block that stops and turns round, against the trapezium rule along the replay."""
+    problem = Problem(Rubbing())
+    problem.phase(duration=8.0, intervals=14)
+    problem.subject_to(problem.end("x") == 0.0)
+    problem.subject_to(problem.end("v") == 0.0)
+    steep = problem.integral(problem["v"] ** 24)
+    problem.minimize(problem.integral(problem["u"] ** 2) + 0.1 * steep)
+    problem.guess(inputs={"u": -0.6})
+    best = problem.solve(complementarity=True)
+    run = best.replay(output_interval=1e-3)
+    exact = float(np.trapezoid(np.asarray(run["u"]) ** 2 + 0.1 * np.asarray(run["v"]) ** 24, run.time))
+    stats: Any = best.stats
+    assert stats["replay_error"] < 0.01
+    assert abs(best.objective / exact - 1) > 1e-3
+    assert "of the magnitude of a state or an integral" in stats["notes"][0]

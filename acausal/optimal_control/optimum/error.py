@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from math import comb
 from typing import Any
 
@@ -21,6 +23,9 @@ from acausal.result.result import Result
 from acausal.simulate.record.meeting.branches import on_meeting
 
 _TOLERANCE = 1e-10
+# Instants closer to the end of an interval, as a fraction of it, are its end; and what is left out before the others,
+# at which functions have the value after the switch.
+_NEAR_BORDER, _BEFORE = 1e-6, 1e-10
 
 
 def interval_errors(
@@ -35,12 +40,13 @@ def interval_errors(
     Local errors include those of integrals, because an integrand may need more points than the states.
     """
     q = program.problem.quantities
+    instants = np.unique(np.array(q.compiled.instants(trajectory.p)).ravel())
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
     size = np.where(size > 0.0, size, np.array(q.x.nominal))
     found, worst, state = [], 0.0, trajectory.phases[0].x[:, 0]
     integrals = integrals_of(program, solution, [law.dae for law in laws])
     for law, phase, own in zip(laws, trajectory.phases, integrals, strict=True):
-        errors, drift, state, exact = _phase(law, phase, trajectory.p, size, state, own)
+        errors, drift, state, exact = _phase(law, phase, trajectory.p, size, state, own, instants)
         off = own.errors(phase, trajectory.p, exact, program.steps is not None)
         found.append(np.maximum(errors, np.where(np.isnan(off), np.inf, off)))
         worst = max(worst, drift)
@@ -51,7 +57,13 @@ def interval_errors(
 
 
 def _phase(
-    law: Dynamics, phase: PhaseTrajectory, p: Vector, size: Vector, state: Vector, integrals: Integrals
+    law: Dynamics,
+    phase: PhaseTrajectory,
+    p: Vector,
+    size: Vector,
+    state: Vector,
+    integrals: Integrals,
+    instants: Vector,
 ) -> tuple[Vector, float, Vector, Vector]:
     """(Local errors, largest accumulated error, final state of the accumulated integration, integrals of intervals).
 
@@ -60,9 +72,10 @@ def _phase(
     `p`: parameters, shape (np,).
     `size`: magnitudes of the states, shape (nx,).
     `state`: initial state of the accumulated integration, shape (nx,).
+    `instants`: times [s] at which sources switch, where integrators stop: they would step over a pulse.
     """
     count = len(phase.mesh)
-    if not len(size):
+    if not len(size) and not len(integrals.values):
         return np.zeros(count), 0.0, state, np.zeros((count, 0))
     run, uncontrolled = (_integrator(law, phase.basis, p, size, integrals, by_quads) for by_quads in (True, False))
     scale = integrals.sizes
@@ -72,41 +85,56 @@ def _phase(
         x, z, _ = phase.interval(k, np.array([0.0, 1.0]))
         width = phase.basis.control + 1
         coefficients = phase.u[:, k * width : (k + 1) * width]
-        given = ca.vertcat(phase.begin + borders[k], borders[k + 1] - borders[k], ca.vec(ca.DM(coefficients)))
+        given = [phase.begin + borders[k], borders[k + 1] - borders[k], *coefficients.ravel(order="F")]
+        cuts = (instants - given[0]) / given[1]
+        cuts = np.array([0.0, *cuts[(cuts > _NEAR_BORDER) & (cuts < 1 - _NEAR_BORDER)], 1.0])
 
-        def end(begin: Vector, z: Vector = z[:, 0], given: Any = given) -> tuple[Vector, Vector]:
+        def end(begin: Vector, z: Vector = z[:, 0], given: Any = given, cuts: Vector = cuts) -> tuple[Vector, Vector]:
             for integrator in (run, uncontrolled):
+                state, quadratures = begin / size, np.zeros(exact.shape[1])
                 try:
-                    reached = integrator(x0=begin / size, z0=z, p=given)
-                    return np.array(reached["xf"]).ravel() * size, np.array(reached["qf"]).ravel() * scale
+                    for first, last in pairwise(cuts):
+                        before = last - first - (_BEFORE if last < 1.0 else 0.0)
+                        part = integrator(x0=state if len(size) else 0, z0=z, p=[*given[:2], first, before, *given[2:]])
+                        state, z = np.array(part["xf"]).ravel()[: len(size)], part["zf"]
+                        quadratures += np.array(part["qf" if len(size) else "xf"]).ravel() * scale
                 except RuntimeError:  # an integrand with kinks may need too many steps for its digits
                     continue
+                return state * size, quadratures
             return np.full(len(size), np.nan), np.full(exact.shape[1], np.nan)
 
         after, exact[k] = end(x[:, 0])
-        found[k] = np.max(np.abs(after - x[:, 1]) / size)
-        state = end(state)[0] if np.isfinite(state).all() else state
-        drift[k] = np.max(np.abs(state - x[:, 1]) / size)
+        found[k] = np.max(np.abs(after - x[:, 1]) / size, initial=0.0)
+        state = end(state)[0] if len(size) and np.isfinite(state).all() else state
+        drift[k] = np.max(np.abs(state - x[:, 1]) / size, initial=0.0)
     found, drift = (np.where(np.isnan(v), np.inf, v) for v in (found, drift))
     return found, float(drift.max()), state, exact
 
 
 def _integrator(law: Dynamics, basis: Basis, p: Vector, size: Vector, integrals: Integrals, by_quads: bool) -> Any:
-    """Integrator of one interval, scaled to [0, 1]; its parameters are start time, length and input coefficients."""
+    """Integrator of a part of an interval, scaled to [0, 1].
+
+    Its parameters are start time and length of the interval, start and length of the part as fractions of it, and the
+    coefficients of the inputs. In a model without states the integrals are states, which choose the order.
+    """
     dae = law.dae
     nx, nz, nu = (dae.numel_in(k) for k in (1, 2, 3))
     s, x, z = ca.SX.sym("s"), ca.SX.sym("x", nx), ca.SX.sym("z", nz)
     begin, length, u = ca.SX.sym("begin"), ca.SX.sym("length"), ca.SX.sym("u", nu, basis.control + 1)
-    q = basis.control
-    weights = ca.vertcat(*(comb(q, i) * s**i * (1 - s) ** (q - i) for i in range(q + 1)))
+    first, share = ca.SX.sym("first"), ca.SX.sym("share")
+    q, at = basis.control, first + share * s
+    weights = ca.vertcat(*(comb(q, i) * at**i * (1 - at) ** (q - i) for i in range(q + 1)))
     scale = ca.DM(size)
-    point = (begin + length * s, x * scale, z, u @ weights, p)
+    point = (begin + length * at, x * scale, z, u @ weights, p)
     ode, alg, _ = dae(*point)
-    system = {"x": x, "z": z, "t": s, "p": ca.vertcat(begin, length, ca.vec(u)), "ode": length * ode / scale}
+    system = {"x": x, "z": z, "t": s, "p": ca.vertcat(begin, length, first, share, ca.vec(u))}
+    system["ode"] = length * share * ode / scale
     options = {"reltol": _TOLERANCE, "abstol": _TOLERANCE / 100, "max_num_steps": 20000, "first_time": 1e-6}
     if len(integrals.values):
-        system["quad"] = length * integrals.rates(*point) / ca.DM(integrals.sizes)
+        system["quad"] = length * share * integrals.rates(*point) / ca.DM(integrals.sizes)
         options["quad_err_con"] = by_quads
+    if not nx:
+        system |= {"x": ca.SX.sym("q", len(integrals.values)), "ode": system.pop("quad")}
     if nz:
         system["alg"] = alg
         options["suppress_algebraic"] = True
@@ -120,11 +148,23 @@ _SAME_END = 1e-3
 _SAME_VALUE, _SMALL = 1e-6, 0.1
 
 
-def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[Vector], tuple[str, ...]]:
-    """(Largest deviation of the replay, its increase over each interval for each phase, notes on other solutions).
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A run with the optimal inputs; None if it fails.
 
-    Deviations are relative to the largest magnitudes of the states. All are infinite if the simulation fails.
-    `intervals` are the numbers of intervals of the phases: the increases have shape (intervals,) each.
+    `drift` is its largest deviation from the solution, `increases` what each interval adds to it, shape (intervals,)
+    for each phase, relative to the largest magnitudes of the states; infinite if the run fails. `notes` are on other
+    solutions.
+    """
+
+    run: Result | None
+    drift: float
+    increases: list[Vector]
+    notes: tuple[str, ...] = ()
+
+
+def replayed(best: Optimum, intervals: Sequence[int]) -> Replay:
+    """The replay of a solution; `intervals` are the numbers of intervals of the phases.
 
     Raises OptimizationError: AC704 if an event inside a phase changes a discrete variable, or terminates the run.
     Raises UsageError: AC029 if the equations have lost their digits with the decided parameters.
@@ -134,7 +174,7 @@ def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[V
     except AcausalError as error:
         if error.code == "AC029":
             raise
-        return np.inf, [np.full(n, np.inf) for n in intervals], ()
+        return Replay(None, np.inf, [np.full(n, np.inf) for n in intervals])
     _refuse_end(best, run)
     _refuse_changes(best, run)
     deviations = best.distances(run)
@@ -147,7 +187,7 @@ def replay_error(best: Optimum, intervals: Sequence[int]) -> tuple[float, list[V
         reached = each[:, k, known[-1]] if len(known) else reached
         ends[k + 1] = reached
     increases = np.abs(np.diff(ends, axis=0)).max(axis=1, initial=0.0)
-    return worst, np.split(increases, np.cumsum(intervals)[:-1]), on_meeting(run)
+    return Replay(run, worst, np.split(increases, np.cumsum(intervals)[:-1]), on_meeting(run))
 
 
 def _refuse_end(best: Optimum, run: Result) -> None:

@@ -15,7 +15,7 @@ from acausal.optimal_control.program.nlp import Solution
 from acausal.optimal_control.program.points import key
 from acausal.optimal_control.program.radau import Program, scalar_values
 
-# Integrals below this fraction of their magnitude at points displaced by the scales of the unknowns count as zero.
+# Integrals below this fraction of their magnitude where the unknowns are as large as their scales count as zero.
 _ZERO = 1e-3
 
 
@@ -42,7 +42,7 @@ class Integrals:
         They are relative to the sum of the magnitudes of all intervals. Shooting (`stepped`) knows only the sum over
         the phase, whose error every interval then has.
         """
-        if not exact.shape[1]:  # without states, nothing is integrated
+        if not exact.shape[1]:
             return np.zeros(len(exact))
         size = np.maximum(np.abs(exact).sum(axis=0), self.least)
         if stepped:
@@ -87,11 +87,12 @@ def integrals_of(program: Program, solution: Solution, daes: Sequence[Any]) -> l
 def _least(program: Program, expressions: Sequence[Any], p: Vector) -> Vector:
     """Magnitudes below which integrals count as zero, shape (integrals,): an optimum may be a square that vanishes.
 
-    Unknowns are scaled to 1, so values at points displaced by 1 are the magnitudes of the integrals.
+    Unknowns are scaled to 1, so values where those near zero are 1 are the magnitudes of the integrals.
     """
     if not expressions:
         return np.zeros(0)
     begin = np.concatenate(program.nlp.begin)
-    seen = np.abs([np.ravel(program.nlp.values(expressions, at, p)) for at in (begin, begin + 1.0)])
+    shown = np.where(np.abs(begin) < 0.5, 1.0, begin)
+    seen = np.abs([np.ravel(program.nlp.values(expressions, at, p)) for at in (begin, shown)])
     largest = np.where(np.isfinite(seen), seen, 0.0).max(axis=0)
     return np.asarray(np.where(largest > 0.0, _ZERO * largest, 1.0))

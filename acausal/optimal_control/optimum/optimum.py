@@ -147,9 +147,9 @@ class Optimum(Result):
             found[k, keep] = ((optimal - replayed) / (float(np.abs(optimal).max()) or 1.0))[keep]
         return found
 
-    def away_from_events(self, replay: Result) -> NDArray[np.bool_]:
-        """Mask of the mesh points away from events, at which states have two values, shape (points,)."""
-        return _off_events(self.time, self.events, replay.events)
+    def away_from_events(self, replay: Result, times: Vector | None = None) -> NDArray[np.bool_]:
+        """Mask of n times, by default the mesh points, away from events, at which states have two values."""
+        return _off_events(self.time if times is None else times, self.events, replay.events)
 
     def active(self, phase: str, share: float = 0.0) -> tuple[str, ...]:
         """Names of the constraints active at more than `share` of the points of a phase, the most active first."""

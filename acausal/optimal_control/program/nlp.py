@@ -80,7 +80,7 @@ class Nlp:
     @property
     def g(self) -> Any:
         """All constraints, a column."""
-        return ca.vertcat(*self.constraints)
+        return ca.vertcat(ca.MX(0, 1), *self.constraints)
 
     @property
     def limits(self) -> tuple[Vector, Vector]:
