@@ -124,6 +124,42 @@ y: Real = variable()
 yield der(self.x) == 1.0
 > yield self.y == pre(self.x)
 
+ValueThatVaries AC146 kept
+x: Real = variable(unit="m", default=fixed(0.0))
+kept: Real = discrete(unit="m")
+yield der(self.x) == 1.0
+> yield self.kept == self.x
+
+ValueWithoutEvent AC146 on
+x: Real = variable(default=fixed(0.0))
+on: Real = boolean()
+yield der(self.x) == 1.0
+> yield self.on == no_event(self.x > 0.5)
+
+DelayedValue AC146 kept
+x: Real = variable(default=fixed(0.0))
+kept: Real = discrete()
+yield der(self.x) == 1.0
+> yield self.kept == where(self.x > 0.5, delay(self.x, 0.1), 0.0)
+
+WhenWithoutEvent AC146 x > 0.5
+x: Real = variable(default=fixed(0.0))
+on: Real = boolean()
+yield der(self.x) == 1.0
+> yield when(no_event(self.x > 0.5), reset(self.on, True))
+
+WhenHalfWithoutEvent AC146 x > 0.5
+x: Real = variable(default=fixed(0.0))
+on: Real = boolean()
+yield der(self.x) == 1.0
+> yield when((self.x > 0.1) & no_event(self.x > 0.5), reset(self.on, True))
+
+EdgeWithoutEvent AC146 x > 0.5
+x: Real = variable(default=fixed(0.0))
+on: Real = boolean()
+yield der(self.x) == 1.0
+> yield when(edge(no_event(self.x > 0.5)), reset(self.on, True))
+
 NumberForABoolean AC147 on
 x: Real = variable(default=fixed(0.0))
 on: Real = boolean()

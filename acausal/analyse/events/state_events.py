@@ -19,6 +19,8 @@ from acausal.analyse.delays import Delays
 from acausal.analyse.domains.branches import guarded
 from acausal.analyse.domains.partial_relations import Existence, in_domains
 from acausal.analyse.domains.without_value import EXTREMA, WithoutValue
+from acausal.analyse.events.assertions import Assert, assertions
+from acausal.analyse.events.between_events import BetweenEvents, check_variability
 from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.jumping_tables import jumping_tables, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
@@ -28,7 +30,6 @@ from acausal.analyse.events.time_events import TimeEvents, segment_number
 from acausal.errors import Span, StructureError
 from acausal.flatten.pool import IMPULSE, LEAVES, RELATIONS, Pool, closure
 from acausal.flatten.reduced import ReducedSystem
-from acausal.numeric.evaluate import values
 
 # Operations that make events, or are rewritten because of events; expressions without them need no search.
 _EVENT_OPERATIONS = frozenset((*RELATIONS, "sign", "floor", "ceil", "where", "pow", "sqrt"))
@@ -67,17 +68,6 @@ class Assignment:
 
 
 @dataclass(frozen=True)
-class Assert:
-    """A condition that must hold, and the message if it does not."""
-
-    condition: int
-    message: str
-    level: str
-    component: str
-    where: Span
-
-
-@dataclass(frozen=True)
 class StateEvents:
     """Everything that can cause an event apart from known instants, as nodes of the reduced pool."""
 
@@ -107,8 +97,8 @@ class StateEvents:
 
     @property
     def are_silent(self) -> bool:
-        """Whether no event can occur."""
-        return len(self.relations) == len(self.watched) and not (self.clauses or self.assignments or self.asserts)
+        """Whether no event can occur; an assertion on more than an instant has relations."""
+        return len(self.relations) == len(self.watched) and not (self.clauses or self.assignments)
 
     def __bool__(self) -> bool:
         return bool(self.relations or self.clauses or self.assignments or self.asserts)
@@ -119,13 +109,17 @@ def find_state_events(
 ) -> StateEvents:
     """State events of a solution, and the relations of `kinks_to_locate`.
 
-    Raises StructureError: AC210 when a variable is reset that is neither integrated nor discrete.
+    Raises StructureError: AC210 when a variable is reset that is neither integrated nor discrete. DeclarationError:
+    AC146 for what is evaluated at events only, but varies between them.
     """
     reduced = solution.structure.reduced
     pool = reduced.pool
     clauses = tuple(_clauses(reduced, states))
     assignments = tuple(_assignments(reduced, states))
-    asserts = tuple(_asserts(reduced))
+    discrete = discrete_variables(reduced)
+    between = BetweenEvents(solution, discrete)
+    check_variability(reduced, between)
+    asserts = tuple(assertions(reduced, between))
     event_nodes = _event_nodes(solution, clauses, assignments, asserts, kinks_to_locate)
     equation_nodes = [*solution.residuals, *_definitions(solution, event_nodes)]
     definitions = dict(solution.definitions)
@@ -142,7 +136,7 @@ def find_state_events(
     if not (roots or kinks_to_locate.watched or swallowing):
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
-    moves = Moving(pool, discrete_variables(reduced))
+    moves = Moving(pool, discrete)
     # Values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps.
     values = {v for c in clauses for _, v in c.actions}
     steps = set(_visible(pool, [*(n for n in event_nodes if n not in values), *equation_nodes]))
@@ -440,18 +434,6 @@ def _assignments(reduced: ReducedSystem, states: tuple[int, ...]) -> Iterable[As
         position = _position(reduced, equation.scalar, index_of)
         if position is not None:  # a variable that equals a parameter needs no assignment
             yield Assignment(position[0], reduced.pool.neg(node) if position[1] else node, str(equation.source))
-
-
-_EVALUATED = frozenset(("const", "neg", "add", "sub", "mul", "div", "pow", *RELATIONS, "and", "or", "not"))
-
-
-def _asserts(reduced: ReducedSystem) -> Iterable[Assert]:
-    """Assertions, except those that always hold, such as one on a torque that is zero without a connection."""
-    for flat, node in zip(reduced.flat.asserts, reduced.asserts, strict=True):
-        is_constant = all(reduced.pool.nodes[n][0] in _EVALUATED for n in reduced.pool.reachable([node]))
-        if is_constant and values(reduced.pool, [node], {})[node]:
-            continue
-        yield Assert(node, flat.message, flat.level, flat.component, flat.origin.span())
 
 
 def origins(

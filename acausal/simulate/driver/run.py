@@ -38,6 +38,7 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
+from acausal.simulate.record.asserted import check_rows
 from acausal.simulate.record.boundaries import event_log
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.divisors.poles import refuse_poles
@@ -211,6 +212,7 @@ class Run:
                 refuse_leaps(recorder, opts.tolerances)
                 refuse_poles(self.problem, recorder, opts.tolerances)
                 refuse_fractions(recorder)
+                broken = check_rows(recorder, self.p, self.u)
         except (RunError, KeyboardInterrupt) as error:
             self.stopped = driver.stopped
             if not recorder.segments:
@@ -229,7 +231,7 @@ class Run:
             unknown = coarse_steps(self.problem, recorder, self.rows_again, opts.step)
         meeting = crossed_branches(self.problem, recorder, self.rows_again, opts.step, self.solver.algebraic)
         unknown = (*unknown, *(singular_positions(recorder) or meeting))
-        unknown = (*unknown, *undefined_relations(recorder, self.p, self.u))
+        unknown = (*unknown, *undefined_relations(recorder, self.p, self.u), *broken)
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.assembled(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))

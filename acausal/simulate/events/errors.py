@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from acausal.analyse.events.state_events import Assert, Clause
+from acausal.analyse.events.assertions import Assert
+from acausal.analyse.events.state_events import Clause
 from acausal.diagnose.words import places
 from acausal.errors import EventError, InitializationError, Span
 from acausal.lower.compiled import CompiledModel
@@ -124,6 +125,12 @@ def violated(model: str, t: float, broken: Assert) -> EventError:
         evidence=[f"an assertion of the model{place} does not hold"],
         help="the assertion says where the model is valid: check its parameters and inputs",
     )
+
+
+def warned(t: float, broken: Assert) -> str:
+    """The note on a violated assertion of the level "warning"."""
+    place = f"{broken.component}: " if broken.component else ""
+    return f"t = {t:.9g} s: {place}{broken.message}"
 
 
 def not_a_clock(model: str, first: float, interval: float, clauses: Sequence[Clause]) -> EventError:

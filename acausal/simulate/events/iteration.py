@@ -32,6 +32,7 @@ from acausal.simulate.events.errors import (
     unsettled,
     vain,
     violated,
+    warned,
 )
 from acausal.simulate.events.guards import AT_REST, STILL, Cause, Guards, Moment, same_instant
 from acausal.simulate.events.regime import Hold, Regime
@@ -541,6 +542,5 @@ class Iteration:
             if asserted.level == "error":
                 raise violated(self.problem.compiled.name, t, asserted)
             if k not in self._broken:  # noted once, until it holds again
-                place = f"{asserted.component}: " if asserted.component else ""
-                notes.append(f"t = {t:.9g} s: {place}{asserted.message}")
+                notes.append(warned(t, asserted))
             self._broken.add(k)

@@ -1,0 +1,171 @@
+"""What conditions and values are between two events: true, false, constant, or varying (Modelica 3.6, section 3.8).
+
+Discrete equations and conditions of `when` are evaluated at events only. A value that varies without an event,
+`no_event(x > 0)` or x itself, would be that of some earlier instant, and a condition on it would act late or never.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from acausal.analyse.blocks.solve import Solution
+from acausal.analyse.events.jumping_tables import jumping_tables
+from acausal.errors import DeclarationError
+from acausal.flatten.pool import LEAVES, RELATIONS
+from acausal.flatten.reduced import ReducedSystem
+from acausal.language.expressions.delay import Delayed
+
+_AT_INSTANTS = frozenset(("initial", "after_reset", "infinitesimal", "terminal", "sample"))
+_LOCATED = frozenset((*RELATIONS, "sign", "floor", "ceil"))
+
+
+class _Node(NamedTuple):
+    """`varies`: a part that varies between events, as a node; None if nothing does. `truth`: None if not known."""
+
+    varies: int | None = None
+    truth: bool | None = None
+
+
+class BetweenEvents:
+    """Tells what nodes of a solution are between events. Its relations are located, unless below a `no_event`."""
+
+    def __init__(self, solution: Solution, discrete: frozenset[int]) -> None:
+        self._reduced, self._discrete = solution.structure.reduced, discrete
+        self._pool, self._definitions = self._reduced.pool, dict(solution.definitions)
+        self._algebraic, self._residuals = frozenset(solution.algebraic), solution.residuals
+        # By (node, whether it is below a `no_event`).
+        self._known: dict[tuple[int, bool], _Node] = {}
+        self._variables: dict[int, _Node] = {}
+        self._tables = set[int]()  # nodes that read a table which jumps
+
+    def holds(self, node: int) -> bool:
+        """Whether a condition is true between events whatever the values, as `~initial() | c` is."""
+        return self._of(node).truth is True
+
+    def varying(self, node: int) -> int | None:
+        """A part of a node that varies between events."""
+        return self._of(node).varies
+
+    def _of(self, root: int, exempt: bool = False) -> _Node:
+        pool, known = self._pool, self._known
+        if (root, exempt) not in known:
+            behind = pool.variables_behind([root], self._definitions)
+            below = pool.reachable([root, *(self._definitions[v] for v in behind if v in self._definitions)])
+            self._tables.update(jumping_tables(pool, below, self._definitions))
+            for v in self._definitions:  # in the order of evaluation
+                if v in behind and v not in self._variables:
+                    self._below(self._definitions[v])
+                    self._variables[v] = known[self._definitions[v], False]
+            self._below(root)
+        return known[root, exempt]
+
+    def _below(self, root: int) -> None:
+        for n in self._pool.reachable([root]):
+            for exempt in (False, True):
+                if (n, exempt) not in self._known:
+                    self._known[n, exempt] = self._made(n, exempt)
+
+    def _made(self, number: int, exempt: bool) -> _Node:
+        op, *operands = self._pool.nodes[number]
+        if op in LEAVES or isinstance(op, Delayed):
+            return self._leaf(number, op, operands)
+        if op in _AT_INSTANTS:
+            return _Node(truth=False)
+        if op == "pre":
+            return _Node()
+        if op == "noevent":
+            return self._known[operands[0], True]
+        parts = [self._known[n, exempt] for n in operands]
+        varies = next((p.varies for p in parts if p.varies is not None), None)
+        if op == "not":
+            return _Node(varies, None if parts[0].truth is None else not parts[0].truth)
+        if op in ("and", "or"):
+            return self._logical(op, operands, exempt, varies)
+        if op == "where" and parts[0].truth is not None:
+            return parts[1 if parts[0].truth else 2]
+        if op in RELATIONS and varies is None and self._is_memory(*operands):  # in change(n)
+            return _Node(truth=op in ("le", "ge"))
+        if (op in _LOCATED or number in self._tables) and not exempt:
+            return _Node()
+        return _Node(number if varies is not None and exempt and op in _LOCATED else varies)
+
+    def _leaf(self, number: int, op: str, operands: list[int]) -> _Node:
+        if op == "const":
+            return _Node(truth=bool(operands[0]))
+        if op == "par":
+            return _Node()
+        if isinstance(op, Delayed):  # a signal that is constant between events jumps at events only, later
+            return _Node(number if self._of(self._reduced.delays[op.number][0]).varies is not None else None)
+        if op == "var" and operands[0] in self._discrete:
+            return _Node()
+        if op == "var" and operands[0] in self._variables:
+            return _Node(None if self._variables[operands[0]].varies is None else number)
+        if op == "var" and operands[0] in self._algebraic and not self._moves():
+            return _Node()
+        return _Node(number)
+
+    def _moves(self) -> bool:
+        """Whether the equations of the algebraic variables contain anything that varies by itself."""
+        pool = self._pool
+        behind = pool.variables_behind(self._residuals, self._definitions)
+        given = behind - self._algebraic - self._definitions.keys() - self._discrete
+        roots = [*self._residuals, *(self._definitions[v] for v in behind if v in self._definitions)]
+        return bool(given) or any(pool.nodes[n][0] == "time" for n in pool.reachable(roots))
+
+    def _logical(self, op: str, operands: list[int], exempt: bool, varies: int | None) -> _Node:
+        decisive = op == "or"  # the truth of one operand that decides
+        known = [self._known[n, exempt].truth for n in operands]
+        if decisive in known:
+            return _Node(truth=decisive)
+        if None not in known:
+            return _Node(truth=not decisive)
+        # c & ~pre(c), an edge: between events, a memory equals what it remembers
+        terms = list(self._terms(op, operands))
+        steady = [n for n in terms if self._known[n, exempt].varies is None]
+        negated = [below[0] for own, *below in map(self._pool.nodes.__getitem__, terms) if own == "not"]
+        if any(self._is_memory(a, b) for a in negated for b in steady):
+            return _Node(truth=decisive)
+        return _Node(varies)
+
+    def _terms(self, op: str, operands: Iterable[int]) -> Iterable[int]:
+        for n in operands:
+            own, *below = self._pool.nodes[n]
+            if own == op:
+                yield from self._terms(op, below)
+            else:
+                yield n
+
+    def _is_memory(self, a: int, b: int) -> bool:
+        """Whether one of two nodes is the memory `pre` of the other."""
+        return self._pool.nodes[a] == ("pre", b) or self._pool.nodes[b] == ("pre", a)
+
+
+def check_variability(reduced: ReducedSystem, between: BetweenEvents) -> None:
+    """Refuse discrete equations and conditions of `when` whose values vary between events.
+
+    Raises DeclarationError: AC146.
+    """
+    for equation, node in zip(reduced.flat.assignments, reduced.assignments, strict=True):
+        part = between.varying(node)
+        if part is not None:
+            name = reduced.flat.scalar_name(equation.scalar)
+            raise DeclarationError(
+                "AC146",
+                f"{name} is discrete, but its value varies between events",
+                where=(equation.origin.span(),) if equation.origin else (),
+                evidence=[str(equation.source), f"{reduced.text(part)} varies without an event"],
+                cause="a discrete equation is evaluated at events only, so that it would keep an earlier value",
+                help=f"declare {name.rpartition('.')[2]} with variable(), or say when it takes the value: reset it in "
+                "a `when`, or write where(sample(0, 0.1), value, pre(variable))",
+            )
+    for when, nodes in zip(reduced.flat.whens, reduced.whens, strict=True):
+        part = next((p for p in map(between.varying, nodes.guards) if p is not None), None)
+        if part is not None:
+            raise DeclarationError(
+                "AC146",
+                f"{reduced.text(part)} makes no event, so that a `when` on it would act late or never",
+                where=(when.origin.span(),) if when.origin else (),
+                evidence=[str(when.source)],
+                help="remove no_event; or join it to an instant, edge(x > 0) & no_event(y > 0)",
+            )
