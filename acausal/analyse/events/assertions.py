@@ -2,7 +2,7 @@
 
 A run ends, or makes a note, at the instant at which a relation of an assertion changes. An assertion on single instants
 (`~initial() | c`) needs no such event: all instants have their event iteration anyway. Nothing locates what is below a
-`no_event`, so rows of the run show whether it holds (`acausal.simulate.record.asserted`).
+`no_event`, so rows of the run show whether it holds (`acausal.simulate.record.violations`).
 """
 
 from __future__ import annotations

@@ -37,6 +37,7 @@ class BetweenEvents:
         # By (node, whether it is below a `no_event`).
         self._known: dict[tuple[int, bool], _Node] = {}
         self._variables: dict[int, _Node] = {}
+        self._plain_of: dict[int, int] = {}
         self._tables = set[int]()  # nodes that read a table which jumps
 
     def holds(self, node: int) -> bool:
@@ -84,7 +85,7 @@ class BetweenEvents:
             return self._logical(op, operands, exempt, varies)
         if op == "where" and parts[0].truth is not None:
             return parts[1 if parts[0].truth else 2]
-        if op in RELATIONS and varies is None and self._is_memory(*operands):  # in change(n)
+        if op in RELATIONS and varies is None and self._plain(operands[0]) == self._plain(operands[1]):  # change(n)
             return _Node(truth=op in ("le", "ge"))
         if (op in _LOCATED or number in self._tables) and not exempt:
             return _Node()
@@ -120,11 +121,9 @@ class BetweenEvents:
             return _Node(truth=decisive)
         if None not in known:
             return _Node(truth=not decisive)
-        # c & ~pre(c), an edge: between events, a memory equals what it remembers
-        terms = list(self._terms(op, operands))
-        steady = [n for n in terms if self._known[n, exempt].varies is None]
-        negated = [below[0] for own, *below in map(self._pool.nodes.__getitem__, terms) if own == "not"]
-        if any(self._is_memory(a, b) for a in negated for b in steady):
+        # c & ~pre(c), an edge
+        terms = [self._plain(n) for n in self._terms(op, operands)]
+        if any(self._pool.make("not", n) in terms for n in terms):
             return _Node(truth=decisive)
         return _Node(varies)
 
@@ -136,9 +135,19 @@ class BetweenEvents:
             else:
                 yield n
 
-    def _is_memory(self, a: int, b: int) -> bool:
-        """Whether one of two nodes is the memory `pre` of the other."""
-        return self._pool.nodes[a] == ("pre", b) or self._pool.nodes[b] == ("pre", a)
+    def _plain(self, root: int) -> int:
+        """A node with each `pre` of what is constant between events replaced by its operand, which it equals there."""
+        pool, done = self._pool, self._plain_of
+        for n in pool.reachable([root], done):
+            op, *operands = pool.nodes[n]
+            if op in LEAVES or isinstance(op, Delayed) or not operands:
+                done[n] = n
+            elif op == "pre" and self._known[operands[0], False].varies is None:
+                done[n] = done[operands[0]]
+            else:
+                image = [done[k] for k in operands]
+                done[n] = n if image == operands else pool.make(op, *image)
+        return done[root]
 
 
 def check_variability(reduced: ReducedSystem, between: BetweenEvents) -> None:

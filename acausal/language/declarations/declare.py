@@ -122,7 +122,10 @@ def variable(
     monotone_above: float | None = None,
     overconstrained: bool = False,
 ) -> Any:
-    """An unknown of the model; in a connector, a potential: equal in all connected connectors."""
+    """An unknown of the model; in a connector, a potential: equal in all connected connectors.
+
+    Optimal control keeps it between `min` and `max`; a simulation that leaves them goes on and says so in a note.
+    """
     return _declare(Kind.VARIABLE, **locals())
 
 

@@ -38,7 +38,6 @@ from acausal.simulate.events.regime import Regime
 from acausal.simulate.inputs.given import Inputs
 from acausal.simulate.interrupt import Interruptible
 from acausal.simulate.options import Options
-from acausal.simulate.record.asserted import check_rows
 from acausal.simulate.record.boundaries import event_log
 from acausal.simulate.record.checks import corners, refuse_fractions, refuse_jumps, refuse_leaps
 from acausal.simulate.record.divisors.poles import refuse_poles
@@ -47,6 +46,7 @@ from acausal.simulate.record.meeting.singular import singular_positions
 from acausal.simulate.record.record import Dense, Recorder, make_result
 from acausal.simulate.record.sizes import unresolved
 from acausal.simulate.record.undefined import undefined_relations
+from acausal.simulate.record.violations import violations
 from acausal.simulate.rounding import MANY, STRETCH, STRETCHES, attainable, remark
 from acausal.simulate.solvers import Solver, choose, tolerance_fraction
 from acausal.simulate.solvers.segment import Piece, Segment, Tolerances
@@ -212,7 +212,7 @@ class Run:
                 refuse_leaps(recorder, opts.tolerances)
                 refuse_poles(self.problem, recorder, opts.tolerances)
                 refuse_fractions(recorder)
-                broken = check_rows(recorder, self.p, self.u)
+                broken = violations(recorder, self.p, self.u, opts.tolerances)
         except (RunError, KeyboardInterrupt) as error:
             self.stopped = driver.stopped
             if not recorder.segments:

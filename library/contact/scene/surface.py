@@ -148,7 +148,7 @@ class SurfaceContact(Component):
         `turned` is the rate of the deflection due to the rotation of the surfaces alone [m/s], vector.
         """
         stuck, slow = (equals(pre(self.mode), m) for m in (0, 1))
-        pull, along = self._pull(law), dot(self.slip, self.direction)
+        pull, along = self._pull(law), dot(self.slip, pre(self.direction))
         # A guard that does not apply in a mode is given a value away from zero there.
         breaks = where(stuck, dot(pull, pull) - law.limit * law.limit, -1.0) > 0.0
         turns = where(slow, along + _BACK * law.v_s, law.v_s) < 0.0
@@ -158,9 +158,9 @@ class SurfaceContact(Component):
         yield self.mode == where(stuck, where(breaks, 1, 0), where(slow, after_slow, where(fast, 2, 1)))
         pulled = smooth_speed(pull, 1e-9)
         for k in range(3):
-            # The direction is that of the velocity when sliding, and that of the pull at breakaway.
-            sliding = where(slow, pre(self.direction[k]), self.slip[k] / speed)
-            yield self.direction[k] == where(stuck, pull[k] / pulled, sliding)
+            # At breakaway it is the direction of the pull, and that of the velocity where sliding becomes slow.
+            begun = where(stuck, pull[k] / pulled, self.slip[k] / speed)
+            yield self.direction[k] == where(equals(self.mode, 1) & ~slow, begun, pre(self.direction[k]))
             follows = (law.mu * self._way(k, speed) / law.s_0 - self.bristle[k]) / law.relaxation
             stretched = self.slip[k] + turned[k]
             held = where(no_event(self.depth > 0), stretched, self.bristle[k] / -law.relaxation)

@@ -1,4 +1,4 @@
-"""Assertions without an event of their own, and what discrete equations may read."""
+"""Assertions without an event of their own, limits of variables, and what discrete equations may read."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from acausal import (
     integer,
     no_event,
     pre,
+    quantity,
     reset,
     sample,
     structural,
@@ -83,8 +84,10 @@ def test_an_assertion_below_no_event_holds_in_all_rows(model: type[Swing], solve
     """sin(t) passes 0.5 at pi/6; the run ends at the first row behind it."""
     with pytest.raises(EventError) as caught:
         acausal.simulate(model(), stop_time=1.0, output_interval=0.01, solver=solver, **_step(solver))
-    assert caught.value.code == "AC503" and "t = 0.53 s: too far" in str(caught.value)
-    assert caught.value.result is not None and float(caught.value.result.time[-1]) <= 0.53
+    assert caught.value.code == "AC503"
+    assert "t = 0.53 s: too far" in str(caught.value)
+    assert caught.value.result is not None
+    assert float(caught.value.result.time[-1]) <= 0.53
 
 
 def _step(solver: str) -> dict[str, Any]:
@@ -92,8 +95,8 @@ def _step(solver: str) -> dict[str, Any]:
 
 
 def test_a_warning_below_no_event_is_noted_once() -> None:
-    notes = acausal.simulate(Unlocated(warning=True), stop_time=1.0, output_interval=0.01).stats["notes"]
-    assert [n for n in notes if "too far" in n] == ["t = 0.53 s: too far"]
+    stats: Any = acausal.simulate(Unlocated(warning=True), stop_time=1.0, output_interval=0.01).stats
+    assert [n for n in stats["notes"] if "too far" in n] == ["t = 0.53 s: too far"]
 
 
 class AtStart(Swing):
@@ -128,7 +131,8 @@ def test_assertions_on_instants_are_checked_there(model: type[Swing], when_: str
 def test_an_assertion_on_the_start_changes_no_run() -> None:
     """It makes no event, so that solver and accuracy are those of the model without it."""
     plain, asserted = (acausal.simulate(m(), stop_time=1.0) for m in (Swing, AtStart))
-    assert asserted.stats["solver"] == plain.stats["solver"] and asserted.stats["reason"] == plain.stats["reason"]
+    assert asserted.stats["solver"] == plain.stats["solver"]
+    assert asserted.stats["reason"] == plain.stats["reason"]
     assert len(asserted.events) == 0
     np.testing.assert_array_equal(asserted["x"], plain["x"])
 
@@ -157,3 +161,27 @@ def test_discrete_equations_take_what_varies_at_instants() -> None:
     assert float(r.final("ticks")) == pytest.approx(math.sin(0.8), abs=1e-7)
     assert float(r.final("at_step")) == pytest.approx(0.8, abs=1e-7)
     assert float(r.final("beyond")) == 1.0
+
+
+class Limited(Swing):
+    """x, twice it, and an approach to a limit, which errors of the run pass."""
+
+    z: Real = variable(max=0.5)
+    y: Real = variable(shape=2, min=-1.0, unit="m")
+    near: Real = variable(default=fixed(1.0), min=0.0)
+
+    def equations(self) -> Equations:
+        yield self.z == self.x
+        yield self.y == (quantity(2.0, "m") * self.x, quantity(-2.0, "m") * self.x)
+        yield der(self.near) == -50.0 * self.near
+
+
+@pytest.mark.parametrize("solver", ["idas", "rosenbrock"])
+def test_variables_beyond_their_limits_are_noted(solver: str) -> None:
+    """sin(t) passes 1/2 at pi/6 = 0.5236; exp(-50 t) does not pass zero."""
+    stats: Any = acausal.simulate(Limited(), stop_time=1.0, output_interval=0.01, solver=solver).stats
+    (note,) = (n for n in stats["notes"] if n.startswith("beyond limits"))
+    assert "z (0.50553 at t = 0.53 s, declared with max = 0.5)" in note
+    assert "y[1] (-1.0111 at t = 0.53 s, declared with min = -1)" in note
+    assert "y[0]" not in note
+    assert "near" not in note
