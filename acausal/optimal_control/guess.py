@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import OptimizationError
+from acausal.lower.casadi_model import Ports
 from acausal.optimal_control.declare import PhaseSpec
 from acausal.optimal_control.problem import StatedProblem
 from acausal.result.result import Result
@@ -43,7 +44,7 @@ def initial_guess(problem: StatedProblem) -> list[PhaseGuess]:
     lines = _lines(problem)
     run = problem.guess_run or _run(problem)
     q, found, first = problem.quantities, [], float(run.time[0])
-    rows = [_sampled(run, ports.names) for ports in (q.states, q.z, q.u)]
+    rows = [_sampled(run, q.states.names), _algebraic(run, q.z), _sampled(run, q.u.names)]
     # convert before the run is divided, so that angles are continuous from phase to phase
     rows[0] = q.coordinates.of(rows[0])
     whole = sum(spec.expected for spec in problem.specs)
@@ -131,6 +132,15 @@ def _sampled(run: Result, names: Sequence[str]) -> Vector:
     return np.array([run[name] for name in names]).reshape(len(names), len(run.time))
 
 
+def _algebraic(run: Result, ports: Ports) -> Vector:
+    """Values of algebraic variables at the rows of a run, shape (ports, rows).
+
+    The derivatives of constraints among them are no signals of a run, and keep their values at the start.
+    """
+    rows = [run[port.name] if port.name in run.signals else np.full(len(run.time), port.start) for port in ports]
+    return np.array(rows).reshape(len(ports), len(run.time))
+
+
 def _end(problem: StatedProblem, run: Result, spec: PhaseSpec, first: float) -> float:
     """Time [s] after `first` at which the condition that ends the phase becomes true in the run."""
     assert spec.switch is not None
@@ -158,7 +168,8 @@ def _guard_values(problem: StatedProblem, switch: int, run: Result, rows: Any) -
     if not n:
         return np.zeros(0)
     if guard.relation is not None:
-        columns = [_sampled(run, ports.names)[:, rows] for ports in (q.states, q.z, q.u)]
+        columns = [found[:, rows] for found in (_sampled(run, q.states.names), _algebraic(run, q.z))]
+        columns.append(_sampled(run, q.u.names)[:, rows])
         point = [ca.DM(c) if c.size else ca.DM(c.shape[0], n) for c in (run.time[None, rows], *columns)]
         point.append(ca.repmat(ca.DM(q.p), 1, n))
         modes = q.compiled.all_modes.map(n)(*point)

@@ -15,6 +15,7 @@ from acausal.language.component import Component
 from acausal.lower.compile import compile
 from acausal.lower.compiled import CompiledModel
 from acausal.optimal_control.declare import Constraint, Guard, Mesh, PhaseSpec, Value
+from acausal.optimal_control.free_start import refuse_dependents
 from acausal.optimal_control.program.points import key
 from acausal.optimal_control.quantities import Quantities
 from acausal.result.result import Result
@@ -37,6 +38,7 @@ class StatedProblem:
         self.compiled = model if isinstance(model, CompiledModel) else compile(model)
         self.quantities = Quantities(self.compiled, dict(parameters or {}))
         self.free_start = tuple(k for name in free_start for k in self.quantities.of_states(name))
+        refuse_dependents(self.quantities, self.free_start)
         self.specs: list[PhaseSpec] = []
         self.guards: list[Guard] = []
         self.durations: list[Any] = []

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from acausal.arrays import Vector
 from acausal.errors import UsageError
 from acausal.optimal_control.declare import Constraint, Mesh, PhaseSpec
+from acausal.optimal_control.free_start import start_residual
 from acausal.optimal_control.guess import PhaseGuess
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.law import Law, law_of
@@ -371,6 +372,10 @@ def _link(program: Program, problem: StatedProblem, size: Vector) -> None:
     begin = begin if program.first is None else program.first
     if held:
         nlp.constrain((first[held] - begin[held]) / ca.DM(size[held]))
+    residual = start_residual(q, [k for k in range(len(q.x)) if k not in held])
+    if residual is not None:
+        at = program.phases[0].first
+        nlp.constrain(at.points.add(residual(*at.model)))
     for before, after in zip(program.phases[:-1], program.phases[1:], strict=True):
         last = before.x[:, -1]
         if before.dynamics.jump is not None:
