@@ -46,6 +46,8 @@ _OFFSET_ROUGH, _OFFSET = 0.1, 0.01
 # A search has stalled if the next step would remove more than this many standard deviations, and change a parameter by
 # more than this fraction. Then it begins again, as long as that lowers the sum of squares by a hundredth.
 _STALLED, _STALLED_STEP, _MOST_SEARCHES = 1.0, 1e-2, 4
+# Relative distance from a guess at which the search has ended to points that are tried because it may be a maximum.
+_BESIDE = 0.1
 # Columns of derivatives that agree to this relative accuracy differ by rounding only.
 _SAME = 1e-3
 # Number of points whose runs are cached.
@@ -75,7 +77,8 @@ class Fit:
     results
         One run with the estimated parameters for each data set.
     notes
-        Limits of the estimates: parameters that the data do not determine, correlated residuals, values at a limit.
+        Limits of the estimates: parameters that the data do not determine, correlated residuals, values at a limit; and
+        columns that were left out.
     """
 
     model: str
@@ -354,6 +357,26 @@ class _Search:
             return False
         return bool((np.abs(step) > _STALLED_STEP * np.maximum(np.abs(q), _STALLED_STEP)).any())
 
+    def _lower_beside(self, q: Vector) -> Vector | None:
+        """A point beside `q`, shape (n,), at which the sum of squares is lower; None if there is none.
+
+        Where a guess happens to be at a maximum or a saddle, the derivatives are those of a minimum.
+        """
+        weights, low, high = (
+            self.weights(),
+            self.unknown.low / self.unknown.scale,
+            self.unknown.high / self.unknown.scale,
+        )
+        least, best = float(np.sum((weights * self._residuals_of_success(q)) ** 2)), None
+        for k in range(len(q)):
+            for sign in (1.0, -1.0):
+                beside = q.copy()
+                beside[k] = np.clip(q[k] + sign * _BESIDE * max(abs(q[k]), 1.0), low[k], high[k])
+                found = self.residuals(beside)
+                if found is not None and float(np.sum((weights * found) ** 2)) < (1.0 - _FINE) * least:
+                    least, best = float(np.sum((weights * found) ** 2)), beside
+        return best
+
     def weights(self) -> Vector:
         """Reciprocal standard deviation of the noise of each value, shape (rows,); `sigma` of its data set if given."""
         sizes = ((len(s.values), t.sigma.get(s.name) or self.noise[s.name]) for t in self.trials for s in t.signals)
@@ -429,7 +452,9 @@ class _Search:
         single = (
             self.is_noise_known or len({(s.name, t.sigma.get(s.name)) for t in self.trials for s in t.signals}) == 1
         )
-        q = self.least(q, _FINE if single else _ROUGH)
+        first, q = q, self.least(q, _FINE if single else _ROUGH)
+        if np.allclose(first, q, _ROUGH, _ROUGH) and (lower := self._lower_beside(q)) is not None:
+            q = self.least(lower, _FINE if single else _ROUGH)
         for last in () if single else (False, True):
             left = self.by_signal(self._residuals_of_success(q), True)
             self.noise = {n: max(float(np.sqrt(np.mean(r**2))), _TOLERANCE * spread[n]) for n, r in left.items()}
@@ -464,7 +489,7 @@ class _Search:
             self.gradients,
             results,
             self.trials,
-            judgement.notes,
+            (*judgement.notes, *(note for trial in self.trials for note in trial.notes)),
         )
 
     def _residuals_of_success(self, q: Vector) -> Vector:

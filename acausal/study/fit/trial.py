@@ -15,6 +15,7 @@ from acausal.export.forms import SENSITIVITIES, check
 from acausal.export.ports import Output, named_outputs
 from acausal.export.sensitivity.chain import Chain
 from acausal.export.sensitivity.two_sided import refuse_two_sided
+from acausal.flatten.flat import suffixes
 from acausal.lower.compiled import CompiledModel
 from acausal.lower.variants.started import with_starts
 from acausal.result.result import Result
@@ -45,6 +46,7 @@ class Trial:
     first: tuple[Mapping[str, float], TrialRun]  # guessed values, and the run with them
     wanted: tuple[Output, ...] | None  # the signals, if runs are differentiated
     rows: Vector | None  # times of the rows [s] of differentiated runs, if no grid contains those of the data
+    notes: tuple[str, ...] = ()
 
     def run(self, values: Mapping[str, float]) -> Result:
         """Simulate the experiment with these values of the free parameters."""
@@ -120,7 +122,11 @@ def trial_of(
 
     Raises UsageError: AC055 for data that do not fit, AC011 for rows before the start of a run.
     """
-    columns = columns_of(dataset)
+    given = columns_of(dataset)
+    # a file of a run has columns of its parameters, by which a free one would be given away
+    settings = {p.path + s for p in compiled.flat.parameters for s in suffixes(p.declaration.shape)}
+    columns = {n: c for n, c in given.items() if n not in settings}
+    left_out = [n for n in given if n in settings]
     name = dataset.name or (str(dataset.data) if isinstance(dataset.data, str) else f"data set {number + 1}")
     if not columns:
         raise UsageError("AC055", f"{name} contains no measurement", help="give {'mass.s': (times, values)}")
@@ -159,6 +165,7 @@ def trial_of(
         (guess, first_run),
         tuple(wanted or ()) if is_fast else None,
         rows,
+        (f"{', '.join(left_out[:4])} of {name}: columns of parameters are not compared",) if left_out else (),
     )
 
 

@@ -18,6 +18,7 @@ from acausal import (
     Dataset,
     Equations,
     Real,
+    cos,
     der,
     fit,
     fixed,
@@ -25,6 +26,7 @@ from acausal import (
     parameter,
     sign,
     signal_input,
+    sin,
     variable,
 )
 from acausal.cli.main import app
@@ -512,3 +514,33 @@ def test_a_search_that_begins_where_a_parameter_has_no_effect_does_not_stall() -
     t = np.linspace(0.0, 2.0, 41)
     found = fit(Both(), {"n": (t, np.maximum(0.0, t - 1.0 / 0.9))}, ["p"], parameters={"p": 1.0})
     assert found.parameters["p"] == pytest.approx(0.9, abs=1e-6)
+
+
+class Circle(Component):
+    """A point at the angle p on the unit circle."""
+
+    p: Real = parameter(default=0.0)
+    x: Real = variable()
+    y: Real = variable()
+
+    def equations(self) -> Equations:
+        yield self.x == cos(self.p)
+        yield self.y == sin(self.p)
+
+
+def test_a_guess_at_a_maximum_is_left() -> None:
+    """The sum of squares for a point at (-1, 0) is 2 + 2 cos p for each row: p = 0 is its maximum, pi its minimum."""
+    found = fit(Circle(), {"x": (TIMES, -np.ones(41)), "y": (TIMES, np.zeros(41))}, ["p"])
+    assert abs(found.parameters["p"]) == pytest.approx(np.pi, abs=1e-5)
+
+
+def test_columns_of_parameters_do_not_give_them_away(tmp_path: Path) -> None:
+    """A file of a run has columns of its parameters; the estimate is that of the normal equations, not that column."""
+    y = noisy_line(3)
+    alone = fit(Line(), {"y": (TIMES, y)}, ["a"])
+    rows = "\n".join(f"{t!r},{v!r},0.7" for t, v in zip(TIMES.tolist(), y.tolist(), strict=True))
+    (tmp_path / "line.csv").write_text(f"time,y,a\n{rows}\n")
+    found = fit(Line(), str(tmp_path / "line.csv"), ["a"])
+    np.testing.assert_array_equal(found.value, alone.value)
+    np.testing.assert_array_equal(found.std, alone.std)
+    assert "columns of parameters are not compared" in found.notes[-1]
