@@ -15,6 +15,7 @@ from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.branches import Widths
 from acausal.optimal_control.guess import initial_guess
+from acausal.optimal_control.optimum.arbitrary import arbitrary_note
 from acausal.optimal_control.optimum.between import run_integral_error, violation_note
 from acausal.optimal_control.optimum.error import interval_errors, replayed
 from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
@@ -138,6 +139,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
     stats["notes"] = (
         *problem.quantities.begin.notes,
         *stopped_note(solution.status, choices.tolerance),
+        *arbitrary_note(program, solution),
         *notes,
         *seen,
         *(_smoothing_note(widths, smoothing_bias) if choices.smooth else ()),

@@ -30,9 +30,11 @@ from acausal import (
     when,
     where,
 )
+from acausal.errors import UsageError
 from acausal.optimal_control import Problem, closed_loop
 from acausal.optimal_control.receding.controller import Controller
 from acausal.result.series import TimeSeries
+from tests.expected import fails_with
 
 SAMPLE = 0.1
 
@@ -124,3 +126,20 @@ def test_an_unstable_plant_is_held() -> None:
     loop = closed_loop(controller(), plant, samples=150, parameters={"pull": 3.0})
     late = np.asarray(loop.result.at(np.linspace(10.0, 15.0, 50), "s"))
     assert np.abs(late).max() < 1e-3
+
+
+class Other(Component):
+    """A plant without the input of the controller."""
+
+    w: Real = signal_input()
+    s: Real = variable(default=fixed(0.3))
+
+    def equations(self) -> Equations:
+        yield der(self.s) == self.w
+
+
+def test_a_plant_has_the_inputs_of_its_controller_and_a_loop_has_samples() -> None:
+    with fails_with(UsageError, "AC010", match="Other has no input u"):
+        closed_loop(controller(), Other(), samples=3)
+    with fails_with(UsageError, "AC053", match="closed loop of 0 samples"):
+        closed_loop(controller(), Mass(), samples=0)

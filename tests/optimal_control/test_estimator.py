@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Real, der, fixed, parameter, signal_input, variable
+from acausal import Component, Equations, Real, der, fixed, parameter, quantity, signal_input, variable
 from acausal.errors import UsageError
 from acausal.models.optimal_control.feed_drilling import FeedDrilling, horizon
 from acausal.models.optimal_control.feed_drilling import window as hidden
@@ -125,3 +125,53 @@ def test_wrong_names_and_deviations_are_refused(
     problem.phase(duration=0.5, intervals=5)
     with fails_with(UsageError, code):
         problem.estimator(measured, deviations=deviations)
+
+
+class Coasting(Component):
+    """A cart that is pushed; only its place is measured."""
+
+    u: Real = signal_input(default=0.0)
+    x: Real = variable(default=fixed(0.0))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == quantity(1.0, "1/s") * self.v
+        yield der(self.v) == quantity(1.0, "1/s") * self.u
+
+
+def test_what_the_measurements_do_not_determine_is_noted() -> None:
+    """One place does not give a speed, and two do; a flow of nothing gives no share of it."""
+    problem = Problem(Coasting())
+    problem.phase(duration=0.6, intervals=3)
+    estimator = problem.estimator({"x": 0.01})
+    estimator({"u": 0.0}, {"x": 0.1})
+    assert "do not determine v, whose estimates are arbitrary" in estimator.notes[0]
+    for k in (2, 3, 4):
+        found = estimator({"u": 0.0}, {"x": 0.1 * k})
+    assert found.states["v"] == pytest.approx(0.5, rel=1e-6)
+    assert len(estimator.notes) == 1
+    problem = Problem(Filled())
+    problem.phase(duration=0.5, intervals=2)
+    problem.decide("share", min=0.1, max=5.0)
+    still = problem.estimator({"h": 0.01})
+    for _ in range(2):
+        still({"u": 0.0}, {"h": 0.3})
+    assert "of a full window do not determine share" in still.notes[-1]
+
+
+def test_known_starts_and_noise_give_the_kalman_filter() -> None:
+    """Without noise in the model, a growing window is the filter of R. E. Kalman (1960)."""
+    a, b = np.array([[1.0, 0.2], [0.0, 1.0]]), np.array([0.02, 0.2])
+    problem = Problem(Coasting())
+    problem.phase(duration=2.0, intervals=10)
+    estimator = problem.estimator({"x": 0.05}, deviations={"x": 1.0, "v": 2.0}, tolerance=1e-10)
+    random, state, mean, spread = np.random.default_rng(1), np.array([0.7, -0.4]), np.zeros(2), np.diag([1.0, 4.0])
+    for k in range(10):
+        u = float(np.sin(k))
+        state, mean, spread = a @ state + b * u, a @ mean + b * u, a @ spread @ a.T
+        seen = float(state[0] + 0.05 * random.standard_normal())
+        gain = spread[:, 0] / (spread[0, 0] + 0.05**2)
+        mean, spread = mean + gain * (seen - mean[0]), spread - np.outer(gain, spread[0])
+        found = estimator({"u": u}, {"x": seen})
+        np.testing.assert_allclose([found.states["x"], found.states["v"]], mean, atol=1e-6)
+    assert estimator.notes == ()

@@ -8,7 +8,20 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from acausal import Component, Equations, Real, der, fixed, quantity, signal_input, sin, time, variable
+from acausal import (
+    Component,
+    Equations,
+    Real,
+    der,
+    fixed,
+    parameter,
+    quantity,
+    signal_input,
+    sin,
+    time,
+    variable,
+    where,
+)
 from acausal.errors import OptimizationError, UsageError
 from acausal.library.blocks import TimeTable
 from acausal.optimal_control import Problem
@@ -239,3 +252,36 @@ def test_integrals_with_complementarity_are_those_of_a_run() -> None:
     assert stats["replay_error"] < 0.01
     assert abs(best.objective / exact - 1) > 1e-3
     assert "of the magnitude of a state or an integral" in stats["notes"][0]
+
+
+class Switched(Component):
+    """A rate that switches on after a delay that may be decided."""
+
+    delay: Real = parameter(default=0.5, min=0.0, max=5.0, unit="s")
+    u: Real = signal_input(default=0.0)
+    x: Real = variable(default=fixed(0.0), unit="s")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u + where(time > self.delay, 1.0, 0.0)
+
+
+def test_a_parameter_without_a_slope_is_noted() -> None:
+    """x(1) = 0.3 costs nothing where the rate switches on at 0.7 s, which only a phase that ends there finds."""
+    problem = Problem(Switched())
+    problem.decide("delay")
+    problem.phase(duration=1.0, intervals=4)
+    problem.subject_to(problem.end("x") == 0.3)
+    problem.minimize(problem.integral(problem["u"] ** 2))
+    notes: Any = problem.solve().stats["notes"]
+    assert "nothing changes with delay near the solution" in notes[0]
+    problem = Problem(Switched())
+    delay = problem.decide("delay")
+    problem.phase("off", until=problem.time >= delay, intervals=2, expected=0.5)
+    problem.phase("on", duration=(0.0, 1.0), intervals=2)
+    problem.subject_to(problem.duration == 1.0)
+    problem.subject_to(problem.end("x") == 0.3)
+    problem.minimize(problem.integral(problem["u"] ** 2))
+    best = problem.solve()
+    assert best.objective == pytest.approx(0.0, abs=1e-8)
+    assert best.parameters["delay"] == pytest.approx(0.7, abs=1e-6)
+    assert best.stats["notes"] == ()

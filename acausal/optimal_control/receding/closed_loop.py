@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.arrays import Vector
+from acausal.errors import UsageError, meant
 from acausal.export.start_point import input_start
 from acausal.language.component import Component
 from acausal.lower.chebyshev import INPUT_WIDTH
@@ -82,11 +83,21 @@ def closed_loop(
     OptimizationError
         AC703 if the controller finds no inputs.
     UsageError
-        AC010 for an unknown variable, AC027 for a plant whose equations change during a run.
+        AC010 for an unknown variable, AC027 for a plant whose equations change during a run, AC053 without a sample.
     RunError
         If the simulation of the plant fails; its `result` is the run up to then.
     """
     plant = (plant if isinstance(plant, CompiledModel) else compile(plant)).unchanging("closed_loop")
+    if samples < 1:
+        raise UsageError("AC053", f"a closed loop of {samples} samples", help="give at least one: samples=80")
+    for name in controller.inputs:
+        if name not in plant.inputs:
+            raise UsageError(
+                "AC010",
+                f"{plant.name} has no input {name}, which the controller gives",
+                evidence=meant(name, plant.inputs),
+                help=f"its inputs: {', '.join(plant.inputs) or 'none'}",
+            )
     begin = plant.flat.experiment.start_time
     times: Vector = begin + controller.step * np.arange(samples + 1, dtype=np.float64)
     p = parameter_vector(plant, dict(parameters or {}))

@@ -23,6 +23,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.errors import OptimizationError, UsageError, meant
 from acausal.optimal_control.guess import initial_guess
+from acausal.optimal_control.optimum.arbitrary import undetermined
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
 from acausal.optimal_control.program.polynomials import Basis
@@ -71,13 +72,14 @@ class Estimator:
         laws = self._laws = dynamics_of(problem, guesses)
         check_autonomous(problem, laws[0].dae)
         program = transcribe(problem, laws, guesses, [spec.mesh], Basis(degree, 0), q.p, past=True)
-        self._answer = _set_objective(program, symbols, measured, deviations)
+        residuals, self._answer = _set_objective(program, symbols, measured, deviations)
+        self._undetermined = undetermined(program, residuals, self._answer)
         self._program = WarmStartedSolver("estimator", program, tolerance, options)
         self._expected = np.concatenate([q.first, [q.p[place] for place, *_ in q.decided]])
         self._inputs: list[list[float]] = []
         self._measurements: list[list[float]] = []
         self._last_solution: tuple[Vector, Vector] | None = None
-        self._shift = 0
+        self._shift, self._is_known = 0, False
 
     @property
     def iterations(self) -> int:
@@ -86,7 +88,9 @@ class Estimator:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What has been noted: samples that are coarse (in the first full window), and early ends of ipopt."""
+        """What has been noted: samples that are coarse (in the first full window), early ends of ipopt, and what the
+        measurements do not determine (up to the first full window).
+        """
         return self._program.notes
 
     def __call__(self, inputs: Mapping[str, float], measured: Mapping[str, float]) -> Estimate:
@@ -118,6 +122,7 @@ class Estimator:
                 evidence=[f"{name} = {measured[name]:.6g}" for name in self.measured[:6]],
                 help="keep the last estimate for this sample; limit what is decided: problem.decide(name, min=, max=)",
             )
+        self._note_undetermined(np.array(found).ravel(), given, here)
         if here == self._width:
             self._program.check_once(self._laws, given)
         borders, parameters = (np.array(v, dtype=float) for v in self._answer(found, given))
@@ -127,6 +132,21 @@ class Estimator:
             dict(zip(q.states.names, states.tolist(), strict=True)),
             dict(zip(self._decided, parameters.ravel().tolist(), strict=True)),
         )
+
+    def _note_undetermined(self, x: Vector, given: Vector, here: int) -> None:
+        """Note present states and parameters that the measurements do not determine, up to the first full window."""
+        q, columns = self.problem.quantities, self._width + 1
+        if self._is_known:
+            return
+        self._is_known = here == self._width
+        names = [name if k == here else "" for name in q.x.names for k in range(columns)] + self._decided
+        found = [names[k] for k in self._undetermined(x, given) if names[k]]
+        if found:
+            seen = "a full window" if self._is_known else "the first samples, before a window is full,"
+            self._program.note(
+                f"the measurements of {seen} do not determine {', '.join(found)}, whose estimates are arbitrary: give "
+                f"deviations={{{found[0]!r}: ...}}, or measure more"
+            )
 
     def _given(self) -> Vector:
         """Parameters of the program as one vector: inputs, measurements, their weights, expected values."""
@@ -139,26 +159,27 @@ class Estimator:
 
 def _set_objective(
     program: Program, symbols: list[Any], measured: Mapping[str, float], deviations: Mapping[str, float]
-) -> Any:
+) -> tuple[list[Any], Any]:
     """Set the objective of the program.
 
-    Returns the function `(x, p) -> (coordinates at the ends of all samples, decided parameters)`.
+    Returns what its squares are of, and the function `(x, p) -> (coordinates at the ends of all samples, decided
+    parameters)`.
     """
     nlp, phase, problem = program.nlp, program.phases[0], program.problem
     q, degree, width = problem.quantities, program.basis.degree, len(phase.mesh)
     measurements = ca.reshape(nlp.parameter(width * len(symbols)), len(symbols), width)
     weights, expected = nlp.parameter(width).T, nlp.parameter(len(q.x) + len(q.decided))
-    cost = ca.MX(0.0)
+    residuals = []
     for k, (symbol, deviation) in enumerate(zip(symbols, measured.values(), strict=True)):
         row = along(program, problem, symbol, phase.inside)[degree - 1 :: degree]
-        cost += ca.sum2(weights * ((ca.reshape(row, 1, -1) - measurements[k, :]) / deviation) ** 2)
+        residuals.append((weights * (ca.reshape(row, 1, -1) - measurements[k, :]) / deviation).T)
     names = [*q.x.names, *(q.parameters.names[place] for place, *_ in q.decided)]
     start = ca.vertcat(phase.x[:, 0], program.w)
     for k, name in enumerate(names):
         if name in deviations:
-            cost += ((start[k] - expected[k]) / deviations[name]) ** 2
-    nlp.objective = cost
-    return ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
+            residuals.append((start[k] - expected[k]) / deviations[name])
+    nlp.objective = ca.sumsqr(ca.vertcat(*residuals))
+    return residuals, ca.Function("answer", [nlp.x, nlp.p], [phase.x[:, ::degree], program.w])
 
 
 def _check_window(problem: StatedProblem) -> None:

@@ -70,7 +70,8 @@ class WarmStartedSolver:
         self.status = status.replace("_", " ")
         if not stats.get("success", True):
             return None
-        self._note(stopped_note(status, self._tolerance))
+        for text in stopped_note(status, self._tolerance):
+            self.note(text)
         self._guess, self._duals = found["x"], found["lam_g"]
         return found["x"]
 
@@ -87,16 +88,13 @@ class WarmStartedSolver:
         (errors,), _ = interval_errors(self._program, laws, solution, trajectory_of(self._program, solution))
         k = int(np.argmax(errors)) if len(errors) else 0
         if len(errors) and errors[k] > _COARSE:
-            self._note(
-                (
-                    f"samples are coarse: IDAS deviates by {errors[k]:.2g} of the magnitude of a state or an integral "
-                    f"in sample {k + 1} of {len(errors)}; use shorter samples, or more points: degree=5",
-                )
+            self.note(
+                f"samples are coarse: IDAS deviates by {errors[k]:.2g} of the magnitude of a state or an integral in "
+                f"sample {k + 1} of {len(errors)}; use shorter samples, or more points: degree=5"
             )
 
-    def _note(self, texts: tuple[str, ...]) -> None:
-        """Log what has not been noted before."""
-        for text in texts:
-            if text not in self.notes:
-                self.notes += (text,)
-                _log.warning("%s of %s: %s", self._name, self._program.problem.compiled.name, text)
+    def note(self, text: str) -> None:
+        """Log a note once."""
+        if text not in self.notes:
+            self.notes += (text,)
+            _log.warning("%s of %s: %s", self._name, self._program.problem.compiled.name, text)
