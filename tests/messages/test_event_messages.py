@@ -154,7 +154,7 @@ on: Real = boolean()
 yield der(self.x) == 1.0
 > yield when((self.x > 0.1) & no_event(self.x > 0.5), reset(self.on, True))
 
-EdgeWithoutEvent AC146 x > 0.5
+EdgeWithoutEvent AC146 edge
 x: Real = variable(default=fixed(0.0))
 on: Real = boolean()
 yield der(self.x) == 1.0

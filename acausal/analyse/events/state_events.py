@@ -101,7 +101,7 @@ class StateEvents:
         return len(self.relations) == len(self.watched) and not (self.clauses or self.assignments)
 
     def __bool__(self) -> bool:
-        return bool(self.relations or self.clauses or self.assignments or self.asserts)
+        return bool(self.relations or self.memories or self.clauses or self.assignments or self.asserts)
 
 
 def find_state_events(
@@ -364,15 +364,21 @@ def _with_events(pool: Pool, roots: Sequence[int], definitions: Mapping[int, int
 
 
 def _visible(pool: Pool, roots: Iterable[int]) -> list[int]:
-    """All nodes below `roots` that are not below a `no_event`."""
+    """All nodes below `roots` that are not below a `no_event`; what a `pre` remembers is visible there, too."""
     nodes = pool.nodes
-    return sorted(closure(roots, lambda n: () if nodes[n][0] in LEAVES or nodes[n][0] == "noevent" else nodes[n][1:]))
+    roots = set(roots)
+    memories = (n for n in pool.reachable(roots) if nodes[n][0] == "pre")
+    return sorted(
+        closure(
+            [*roots, *memories], lambda n: () if nodes[n][0] in LEAVES or nodes[n][0] == "noevent" else nodes[n][1:]
+        )
+    )
 
 
 def _conditions(pool: Pool, roots: Iterable[int], time_relations: set[int], moves: Moving) -> dict[str, set[int]]:
     """Nodes that become modes, by kind; nodes below a relation of time are skipped.
 
-    Relations below a `no_event` are no modes, but `pre` and the other kinds are.
+    Relations below a `no_event` are no modes, but `pre`, with the relations it remembers, and the other kinds are.
     """
     nodes_of_kind: dict[str, set[int]] = {"sample": set(), "pre": set(), "flag": set(), "relation": set()}
     seen: set[tuple[int, bool]] = set()
@@ -391,7 +397,7 @@ def _conditions(pool: Pool, roots: Iterable[int], time_relations: set[int], move
         elif op not in LEAVES and op != "sample":
             if op in RELATIONS and not is_exempt and moves(number):
                 nodes_of_kind["relation"].add(number)
-            stack += [(n, is_exempt or op == "noevent") for n in node[1:]]
+            stack += [(n, (is_exempt or op == "noevent") and op != "pre") for n in node[1:]]
     return nodes_of_kind
 
 

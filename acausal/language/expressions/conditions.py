@@ -27,33 +27,46 @@ def is_discrete(e: Expr) -> bool:
     return not any(
         not here.declaration.discrete and here.declaration.kind.value != "parameter"
         if isinstance(here, Symbol)
-        else here.op in ("time", "der", "delay", "noevent", "call")
+        else here.op in ("time", "der", "delay", "noevent", "call") or _is_smooth_choice(here)
         for here in nodes(e, into=lambda n: () if n.op in CONDITIONS else n.args)
     )
+
+
+def _is_smooth_choice(e: Expr) -> bool:
+    """Whether it is `where(..., smooth=True)`, whose condition makes no event."""
+    return e.op == "where" and bool(e.payload)
 
 
 def pre(x: Operand) -> Expr:
     """The value just before the event, in the unit of `x`: Modelica's `pre`.
 
     `pre` of a discrete variable or condition may be used anywhere; it is the value at the beginning of the event. `pre`
-    of any other expression may be used in a `when` only, where it is the value before the actions.
+    of any other expression may be used in a `when` only, where it is the value before the actions. A relation below
+    `no_event` is such an expression.
     """
     return _before(as_expr(x))
 
 
-def _before(e: Expr) -> Expr:
-    if is_discrete(e):
+def _before(e: Expr, exempt: bool = False) -> Expr:
+    exempt = exempt or e.op == "noevent" or _is_smooth_choice(e)
+    if is_discrete(e) and not (exempt and any(n.op in CONDITIONS for n in nodes(e))):
         varies = is_condition(e) or any(s.declaration.discrete for s in symbols_in(e))
         return Operation("pre", (e,), e.shape) if varies and e.op != "pre" else e
     if isinstance(e, Symbol) or e.op in ("der", "delay", "time"):
         return Operation("pre", (e,), e.shape)
     # A mixed expression is evaluated with `pre` of its operands.
-    return Operation(e.op, tuple(map(_before, e.args)), e.shape, e.payload)
+    return Operation(e.op, tuple(_before(a, exempt) for a in e.args), e.shape, e.payload)
 
 
 def edge(condition: Expr) -> Expr:
-    """True at the instants at which `condition` becomes true: it holds, but did not hold just before."""
-    return Operation("edge", (checked_condition(condition),), ())
+    """True at the instants at which `condition` becomes true: it holds, but did not hold just before.
+
+    Raises
+    ------
+    DeclarationError
+        AC108 when `condition` is no condition, AC146 when it is below `no_event`, so that no instant is known.
+    """
+    return Operation("edge", (_checked_discrete("edge", checked_condition(condition)),), ())
 
 
 def change(x: Expr) -> Expr:
@@ -67,13 +80,17 @@ def change(x: Expr) -> Expr:
     e = as_expr(x)
     if e.shape:
         raise shape_error("change", e)
+    return Operation("change", (_checked_discrete("change", e),), ())
+
+
+def _checked_discrete(what: str, e: Expr) -> Expr:
     if not is_discrete(e):
         raise DeclarationError(
             "AC146",
-            f"change(`{e}`) has no meaning: it is not discrete",
-            help="declare it with boolean(), integer() or discrete(), or write a relation",
+            f"{what}(`{e}`) has no meaning: it is not discrete",
+            help="declare it with boolean(), integer() or discrete(), or write a relation, without no_event",
         )
-    return Operation("change", (e,), ())
+    return e
 
 
 def equals(a: Operand, b: Operand) -> Expr:
