@@ -222,3 +222,25 @@ def test_a_contact_within_a_step_is_too_stiff_for_it(method: str) -> None:
     # h w = 4.3 behind the touch, which lies 2.7 ms behind the start of its step; at the start there is no spring
     step = step_function(acausal.compile(Struck()), 0.0139, method)
     assert walk(step, 8)["step.too_large"].tolist() == [0.0] * 7 + [1.0]
+
+
+class Thrown(Component):
+    """A mass that is thrown from the height `h` without events."""
+
+    h: Real = parameter(default=2.0)
+    x: Real = variable(default=lambda self: fixed(self.h))
+    v: Real = variable(default=fixed(0.0))
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.v
+        yield der(self.v) == -9.81
+
+
+def test_a_start_that_follows_from_parameters_is_said_to_be_that_of_the_declared_ones() -> None:
+    """x.start is 2 m for any argument p; a model compiled with h = 3 m starts there."""
+    step = step_function(acausal.compile(Thrown()), 0.1, "rk4")
+    assert step.x.start[0] == 2.0
+    assert "x.start is the start for p.start" in step.notes[-1]
+    assert step_function(acausal.compile(Thrown(), parameters={"h": 3.0}), 0.1, "rk4").x.start[0] == 3.0
+    # the start of these is a number
+    assert not any("x.start" in note for note in step_function(acausal.compile(Pulse()), 0.1, "rk4").notes)

@@ -231,7 +231,7 @@ def notes_of(compiled: CompiledModel) -> tuple[str, ...]:
     resets = any(position < compiled.n_dynamic for clause in events.clauses for position, _ in clause.actions)
     notes = [
         "dae, ode, implicit, outputs, step and invariants hold between events; what happens there is in events",
-        "init is the start before its events, x.start, z.start and events.m.start after them",
+        "init is the start before its events, x.start, z.start and events.m.start after them, for p.start",
     ]
     if resets or events.relations:
         notes.append(

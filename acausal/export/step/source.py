@@ -16,7 +16,7 @@ from acausal.simulate.native.source import functions
 _HEAD = """/* {name}: one step of {method}, {step!r} s. By acausal: bounded work, no allocation, no state outside x.
 
    {identifier}_step(x, u, p, x_next, y): x at a time, u held during the step, x_next and y at its end.
-   x_next may not be x. The start is {identifier}_x0; declared parameters are {identifier}_p0.
+   x_next may not be x. {identifier}_x0 is the start for the declared parameters {identifier}_p0.
 
 {tables}
 */

@@ -145,7 +145,10 @@ class _Builder:
             u=variable_ports(compiled, compiled.solution.structure.reduced.inputs, begin.u),
             p=parameter_ports(compiled),
             y=Ports([*output_ports(self.wanted, np.zeros(len(self.wanted))), *self.flags]),
-            notes=(*compiled.flat.notes, *begin.notes, *self.left_out, *self.notes, *_meeting(compiled, begin)),
+            notes=(
+                *(*compiled.flat.notes, *begin.notes, *self.left_out, *self.notes, *_meeting(compiled, begin)),
+                *_other_start(compiled),
+            ),
         )
 
     def _next(self, stored: Any, clock: Any, start: float) -> tuple[Any, Any, Any]:
@@ -210,6 +213,17 @@ class _Builder:
         """Modes just after an instant, in a model without events; modes of relations of variables, unused, are 0."""
         compiled = self.compiled
         return ca.vertcat(timely(compiled, t, self.h, self.p), ca.SX.zeros(compiled.n_modes - compiled.n_timely, 1))
+
+
+def _other_start(compiled: CompiledModel) -> tuple[str, ...]:
+    """A note if the start of states or modes depends on parameters, which are arguments of a step."""
+    slopes = compiled.guess.jac_sparsity(0, 0)
+    if not slopes.nnz() and not compiled.start.conditions and not (compiled.parameters and compiled.state_events):
+        return ()
+    return (
+        "x.start is the start for p.start: compile(model, parameters={...}) gives that of other parameters, with which "
+        "a run begins elsewhere",
+    )
 
 
 def _meeting(compiled: CompiledModel, begin: StartPoint) -> tuple[str, ...]:
