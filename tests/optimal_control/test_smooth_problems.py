@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import casadi
 import numpy as np
 import pytest
 
@@ -284,3 +285,28 @@ def test_phases_are_declared_before_anything_is_said_of_all() -> None:
     problem.subject_to("u", max=1.0)
     with fails_with(AcausalError, "AC050", match="phase"):
         problem.phase(duration=1.0)
+
+
+class Plane(Component):
+    """Two coordinates with chosen rates."""
+
+    u: Real = signal_input(shape=2, default=0.0)
+    x: Real = variable(shape=2, default=fixed(0.0), unit="s")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+
+
+def test_vectors_at_ends_and_their_integrals() -> None:
+    """The integral c of x over T costs 3 c**2 / T**3 with u = 3 c (T - t) / T**3."""
+    problem = Problem(Plane())
+    problem.phase(duration=2.0, intervals=4)
+    problem.subject_to(problem.integral("x") == casadi.DM([0.5, 1.0]))
+    problem.minimize(problem.integral(casadi.sumsqr(problem["u"])))
+    assert problem.solve().objective == pytest.approx(3 * (0.5**2 + 1.0) / 8, rel=1e-6)
+    problem = Problem(Plane())
+    problem.phase(duration=(0.1, 9.0), intervals=4)
+    problem.subject_to("u", min=-1.0, max=1.0)
+    problem.subject_to(problem.end("x") == 2.0)
+    problem.minimize(problem.duration)
+    assert problem.solve().objective == pytest.approx(2.0, rel=1e-6)

@@ -73,21 +73,22 @@ def run_integral_error(
 def _values(
     program: Program, solution: Solution, phase: PhaseTrajectory, shown: Result, expressions: Sequence[Any]
 ) -> tuple[Vector, Vector]:
-    """Times [s], shape (n,), and values of expressions there, shape (expressions, n), in a result."""
+    """Times [s], shape (n,), and values of the scalars of expressions there, shape (scalars, n), in a result."""
     q = program.problem.quantities
     times = np.concatenate([phase.time(k, _NODES + 0.5) for k in range(len(phase.mesh))])
     times = np.clip(times, shown.time[0], shown.time[-1])
     column = ca.vertcat(*expressions)
     known = list(_known(program, solution, symbols_in(column)))
     used = [(s, o.name) for s, o in zip(q.symbols, q.outputs, strict=True) if key(s) in symbols_in(column)]
-    rows = [times, *(shown.at(times, name) for _, name in used), *(np.full(len(times), v) for _, v in known)]
+    rows = [times[None, :], *(np.asarray(shown.at(times, name))[None, :] for _, name in used)]
+    rows += [np.tile(value, len(times)) for _, value in known]
     function = ca.Function("path", [q.time, *(s for s, _ in used), *(s for s, _ in known)], [column]).expand()
-    values = function.map(len(times))(*(ca.DM(np.asarray(row)[None, :]) for row in rows))
-    return times, np.array(values).reshape(len(expressions), len(times))
+    values = function.map(len(times))(*map(ca.DM, rows))
+    return times, np.array(values).reshape(column.numel(), len(times))
 
 
-def _known(program: Program, solution: Solution, wanted: set[int]) -> Iterator[tuple[Any, float]]:
+def _known(program: Program, solution: Solution, wanted: set[int]) -> Iterator[tuple[Any, Vector]]:
     """Decided parameters, durations and values among the symbols with the keys `wanted`, and their values."""
     pairs = [p for p in zip(*scalar_values(program, program.problem), strict=True) if key(p[0]) in wanted]
     for (symbol, _), value in zip(pairs, solution.values(*(v for _, v in pairs)) if pairs else [], strict=True):
-        yield symbol, float(value.item())
+        yield symbol, value.reshape(-1, 1)

@@ -65,7 +65,7 @@ def integrals_of(program: Program, solution: Solution, daes: Sequence[Any]) -> l
     """The integrals of each phase; `daes` are the equations `(t, x, z, u, p) -> (ode, alg, y)` of the phases."""
     problem, q = program.problem, program.problem.quantities
     symbols, scalars = scalar_values(program, problem)
-    known = [float(v.item()) for v in solution.values(*scalars)] if scalars else []
+    known = [ca.DM(v) for v in solution.values(*scalars)] if scalars else []
     found = []
     for number, dae in enumerate(daes):
         own = [v for v in problem.values if v.kind == "integral" and v.phase == number]
@@ -78,7 +78,7 @@ def integrals_of(program: Program, solution: Solution, daes: Sequence[Any]) -> l
             outputs = ca.vertsplit(dae(*point)[2]) if q.symbols else []
             rates = integrands.expand()(point[0], *outputs, *known)
         expressions = [program.known[key(v.symbol)] for v in own]
-        values = np.array([v.item() for v in solution.values(*expressions)]) if own else np.zeros(0)
+        values = solution.values(ca.veccat(*expressions))[0].ravel() if own else np.zeros(0)
         function = ca.Function("rates", point, [ca.densify(rates)])
         found.append(Integrals(function, values, _least(program, expressions, solution.p)))
     return found
@@ -93,6 +93,6 @@ def _least(program: Program, expressions: Sequence[Any], p: Vector) -> Vector:
         return np.zeros(0)
     begin = np.concatenate(program.nlp.begin)
     shown = np.where(np.abs(begin) < 0.5, 1.0, begin)
-    seen = np.abs([np.ravel(program.nlp.values(expressions, at, p)) for at in (begin, shown)])
+    seen = np.abs([np.ravel(program.nlp.values([ca.veccat(*expressions)], at, p)) for at in (begin, shown)])
     largest = np.where(np.isfinite(seen), seen, 0.0).max(axis=0)
     return np.asarray(np.where(largest > 0.0, _ZERO * largest, 1.0))
