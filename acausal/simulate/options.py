@@ -57,6 +57,19 @@ class Options:
         """Length of the run [s]."""
         return self.stop_time - self.start_time
 
+    @property
+    def notes(self) -> list[str]:
+        """A note on a run whose times are rounded to more than its tolerance leaves of its length, or of a step."""
+        rounding = float(np.spacing(abs(self.start_time)))
+        length = self.span if self.step is None else min(self.step, self.span)
+        if rounding <= self.tolerance * length:
+            return []
+        return [
+            f"times of this run are rounded to {rounding:.1g} s, because it begins at {self.start_time:.9g} s: what "
+            "takes place in shorter times is lost, and events are off by that; begin near 0, and shift what depends on "
+            "time"
+        ]
+
     def grid(self) -> NDArray[np.float64]:
         """Output times [s]: multiples of the interval from the start, and the stop time."""
         count = math.floor((self.stop_time - self.start_time) / self.output_interval * (1 + 1e-12) + 1e-9)

@@ -105,7 +105,8 @@ def simulate(
     recipe = _recipe(model, parameters)
     if recipe is not None and accuracy is None:
         opts = options(type(recipe.model).experiment, **given)
-        return Pieces(recipe, opts, recipe.parameters, _piece(inputs, start, opts, force), progress).result()
+        pieces = Pieces(recipe, opts, recipe.parameters, _piece(inputs, start, opts, force), progress)
+        return _with_remarks(pieces.result(), opts.notes)
     compiled = _compiled(model, parameters, outputs if recipe is None else None, is_fixed=recipe is None)
     compiled = with_starts(compiled, start) if start else compiled
     values = parameters if isinstance(model, CompiledModel) else None
@@ -116,7 +117,7 @@ def simulate(
     opts = options(compiled.flat.experiment, **given)
     with _naming_infinite(compiled, values or {}):
         result = _result(compiled, opts, values or {}, inputs or {}, progress, force)
-    return _with_remarks(result, _remarks(compiled, result, values or {}, start or {}))
+    return _with_remarks(result, opts.notes + _remarks(compiled, result, values or {}, start or {}))
 
 
 @contextmanager

@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 import acausal
-from acausal import Component, Equations, Experiment, Real, integer, parameter, pre, reset, sample, time, when
+from acausal import (
+    Component,
+    Equations,
+    Experiment,
+    Real,
+    der,
+    fixed,
+    integer,
+    parameter,
+    pre,
+    reset,
+    sample,
+    time,
+    variable,
+    when,
+    where,
+)
 from acausal.export.step.step import step_function
 from tests.stepping import walk
 
@@ -59,3 +75,24 @@ def test_a_step_takes_every_tick_late_in_time() -> None:
     for start in (1e5, 3e7):
         before = step.x.start[step.x.position("m")]
         assert walk(step, 50, start={"time": start})["m"][-1] - before == 50
+
+
+class Late(Component):
+    """A rate that is switched on a while after `first`."""
+
+    first: Real = parameter(default=0.0, unit="s")
+    x: Real = variable(default=fixed(0.0), unit="s")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == where(time - self.first > 0.3, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("start", [0.0, -1e6, 1e9, 1e11])
+def test_a_run_is_the_same_later_or_says_that_its_times_are_coarse(start: float) -> None:
+    """0.7 s of growth, whenever it begins: 1e9 s are rounded to 1e-7 s, more than the tolerance allows."""
+    run: dict[str, Any] = {"start_time": start, "stop_time": start + 1.0, "parameters": {"first": start}}
+    r = acausal.simulate(Late(), tolerance=1e-8, **run)
+    notes: Any = r.stats["notes"]
+    is_coarse = any("times of this run are rounded" in note for note in notes)
+    assert is_coarse == (abs(start) > 1e8)
+    assert is_coarse or r.final("x") == pytest.approx(0.7, abs=1e-8)

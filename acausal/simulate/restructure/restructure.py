@@ -331,6 +331,5 @@ class Pieces:
             some=signals.rows,
         )
         notes = [n for own in each for n in own.get("notes", ())]
-        notes = [n for own in each for n in own.get("notes", ())]
         stats["notes"] = tuple(dict.fromkeys([*notes, *reviews(self.reviewing, joined, self.scalars)]))
         return joined

@@ -159,7 +159,8 @@ def _near_blocks(times: Vector, g: Vector) -> Truth:
     """
     starts, h = np.arange(0, len(g) - 1, _BLOCK), np.diff(times)
     uneven = np.ones(len(h))
-    uneven[1:] = np.maximum(h[1:] / h[:-1], h[:-1] / h[1:])
+    with np.errstate(divide="ignore", invalid="ignore"):  # far from zero, times coincide: infinitely uneven
+        uneven[1:] = np.maximum(h[1:] / h[:-1], h[:-1] / h[1:])
     ratio = _around(np.maximum, uneven, starts)[:, None]
     least, most = _around(np.minimum, g, starts), _around(np.maximum, g, starts)
     with np.errstate(invalid="ignore"):  # nan counts as near zero
