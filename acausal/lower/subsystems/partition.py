@@ -29,7 +29,7 @@ class Group:
     @property
     def has_no_events(self) -> bool:
         """Whether no events can occur in the group."""
-        return not (self.relations or self.clauses or self.assignments or self.asserts)
+        return not (self.relations or self.memories or self.clauses or self.assignments or self.asserts)
 
 
 def may_be_split(compiled: Lowered) -> bool:
