@@ -160,6 +160,11 @@ on: Real = boolean()
 yield der(self.x) == 1.0
 > yield when(edge(no_event(self.x > 0.5)), reset(self.on, True))
 
+AssertedEdge AC146 edge
+x: Real = variable(default=fixed(0.0))
+yield der(self.x) == 1.0
+> yield assert_(~edge(self.x > 0.5), "never checked")
+
 NumberForABoolean AC147 on
 x: Real = variable(default=fixed(0.0))
 on: Real = boolean()

@@ -11,12 +11,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from acausal.analyse.events.between_events import BetweenEvents
-from acausal.errors import Span
-from acausal.flatten.pool import RELATIONS
+from acausal.errors import DeclarationError, Span
+from acausal.flatten.pool import RELATIONS, Pool
 from acausal.flatten.reduced import ReducedSystem
 from acausal.numeric.evaluate import values
 
 _EVALUATED = frozenset(("const", "neg", "add", "sub", "mul", "div", "pow", *RELATIONS, "and", "or", "not"))
+
+_AT_INSTANTS = frozenset(("initial", "terminal", "sample"))
+"""What is true until the event iteration of an instant has ended."""
 
 
 @dataclass(frozen=True)
@@ -32,12 +35,35 @@ class Assert:
 
 
 def assertions(reduced: ReducedSystem, between: BetweenEvents) -> Iterable[Assert]:
-    """Assertions, except those that always hold, such as one on a torque that is zero without a connection."""
+    """Assertions, except those that always hold, such as one on a torque that is zero without a connection.
+
+    Raises DeclarationError: AC146 for one that is false only while an event iteration goes on.
+    """
     pool = reduced.pool
     for flat, node in zip(reduced.flat.asserts, reduced.asserts, strict=True):
         is_constant = all(pool.nodes[n][0] in _EVALUATED for n in pool.reachable([node]))
         if is_constant and values(pool, [node], {})[node]:
             continue
-        condition = pool.make("noevent", node) if between.holds(node) else node
+        holds = between.holds(node)
+        if holds and not _holds_but_at_instants(pool, node):
+            raise DeclarationError(
+                "AC146",
+                "an assertion on an edge or a change is checked behind it, where it always holds",
+                where=(flat.origin.span(),),
+                evidence=[str(flat.source)],
+                help="assert what must hold as long as the condition does; or end the run by "
+                'when(a & ~b, terminate("why")), which acts at the instant at which a becomes true',
+            )
+        condition = pool.make("noevent", node) if holds else node
         in_rows = between.varying(node) is not None
         yield Assert(condition, flat.message, flat.level, flat.component, flat.origin.span(), in_rows)
+
+
+def _holds_but_at_instants(pool: Pool, node: int) -> bool:
+    """Whether a condition holds by itself except at the start, the end, or a tick."""
+    op, *operands = pool.nodes[node]
+    if op == "not":
+        return pool.nodes[operands[0]][0] in _AT_INSTANTS
+    if op == "or":
+        return any(_holds_but_at_instants(pool, n) for n in operands)
+    return op in ("and", "noevent") and all(_holds_but_at_instants(pool, n) for n in operands)
