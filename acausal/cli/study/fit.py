@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -86,7 +87,7 @@ def fit(
         prepared.model,
         [Dataset(str(file), sigma=noise, name=file.name) for file in data],
         _limits(free, declared),
-        parameters={k: v for k, v in prepared.parameters.items() if isinstance(v, float)},
+        parameters=prepared.parameters,
         inputs=inputs_of(prepared.model, inputs, interpolation),
         start=numbers_of("--start", prepared.model, start),
         tolerance=tolerance,
@@ -101,7 +102,12 @@ def fit(
         return
     _print(found)
     if not quiet:
-        _remark(found, model, picture)
+        # settings of free parameters were guesses
+        kept = [text for text in settings or () if text.partition("=")[0].strip() not in found.names]
+        flags = {"--set": kept, "--input": inputs or (), "--start": start or ()}
+        _remark(found, [model, *(word for flag, texts in flags.items() for text in texts for word in (flag, text))])
+        if picture is not None:
+            remark(f"wrote {picture}")
 
 
 def _noise(texts: Sequence[str] | None, declared: Mapping[str, Declaration]) -> dict[str, float]:
@@ -142,13 +148,12 @@ def _content(found: Fit) -> dict[str, Any]:
     }
 
 
-def _remark(found: Fit, model: str, picture: Path | None) -> None:
+def _remark(found: Fit, run: Sequence[str]) -> None:
+    """Print the notes, and the command of a run with the estimates, which begins with the arguments `run`."""
     for note in found.notes:
         remark(f"note: {note}")
-    values = " ".join(f"--set {n}={v:.9g}" for n, v in found.parameters.items())
-    remark(f"run it: acausal simulate {model} {values}")
-    if picture is not None:
-        remark(f"wrote {picture}")
+    found_values = [word for n, v in found.parameters.items() for word in ("--set", f"{n}={v:.9g}")]
+    remark(f"run it: acausal simulate {shlex.join([*run, *found_values])}")
 
 
 def _print(found: Fit) -> None:

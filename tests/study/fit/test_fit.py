@@ -544,3 +544,22 @@ def test_columns_of_parameters_do_not_give_them_away(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.value, alone.value)
     np.testing.assert_array_equal(found.std, alone.std)
     assert "columns of parameters are not compared" in found.notes[-1]
+
+
+def test_all_settings_of_the_command_line_count(tmp_path: Path) -> None:
+    """x = k (r0 + r1) t = 12 t: with r = (1, 2) k is 4, and with r = (2, 4), an array, it is 2."""
+    (tmp_path / "sums.py").write_text(
+        "from acausal import Component, Equations, Real, der, fixed, parameter, variable\n\n\n"
+        "class Sums(Component):\n"
+        "    k: Real = parameter(default=1.0)\n"
+        "    r: Real = parameter(default=(1.0, 2.0), shape=2)\n"
+        "    x: Real = variable(default=fixed(0.0))\n\n"
+        "    def equations(self) -> Equations:\n"
+        "        yield der(self.x) == self.k * (self.r[0] + self.r[1])\n"
+    )
+    (tmp_path / "data.csv").write_text("time,x\n0,0\n1,12\n2,24\n")
+    words = ["fit", f"{tmp_path}/sums.py", f"{tmp_path}/data.csv", "--free", "k", "--set", "r=2,4", "--set", "k=3"]
+    (found,) = json.loads(CliRunner().invoke(app, [*words, "--json"]).output)["parameters"]
+    assert found["value"] == pytest.approx(2.0)
+    # the command to run it keeps them, but for the guess
+    assert "sums.py --set r=2,4 --set k=2\n" in CliRunner().invoke(app, words).output
