@@ -22,7 +22,7 @@ from acausal.optimal_control.optimum.optimum import Optimum, optimum_of
 from acausal.optimal_control.optimum.trajectory import Trajectory, trajectory_of
 from acausal.optimal_control.phases import bias, check_optimum, dynamics_of, kinks
 from acausal.optimal_control.problem import StatedProblem
-from acausal.optimal_control.program.nlp import Solution, solve_nlp, stopped_note
+from acausal.optimal_control.program.nlp import STATIONARY, Solution, displaced, solve_nlp, stopped_note
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Dynamics, PhaseProgram, Program, transcribe
 from acausal.optimal_control.program.shooting import Steps
@@ -36,6 +36,8 @@ _NOTED = 1e-3
 # If a run deviates by more than this many times the accumulated errors of the intervals and the bias of smoothing, an
 # effect between the collocation points has been missed.
 _BLIND = 10.0
+# A solution that is better by a smaller fraction is the same.
+_BETTER = 1e-6
 # Distance by which ipopt moves a simulated guess away from limits. Such a guess often reaches them, and unknowns at a
 # limit shorten the first steps of all unknowns. A solution on a coarser mesh is not moved.
 _INSIDE = {"bound_push": 0.1, "bound_frac": 0.1}
@@ -236,11 +238,23 @@ def _run(program: Program, choices: Choices, first: bool) -> Solution:
     name = choices.solver
     options = {"tol": choices.tolerance, **SOLVERS[name], **choices.options}
     found = solve_nlp(program.nlp, name, {**(_INSIDE if first and name == "ipopt" else {}), **options})
+    if found.success and not found.is_curved and not program.complementarity:
+        found = _from_beside(program, found, name, options)
     if found.success and program.complementarity:
         found = tighten(program, found, options)
     if not found.success:
         raise _failure(program, found, name)
     return found
+
+
+def _from_beside(program: Program, solution: Solution, solver: str, options: Mapping[str, Any]) -> Solution:
+    """The solution found from beside a stationary point if it is better, or none is the best; else the point itself."""
+    program.nlp.begin = [displaced(solution.x)]
+    found = solve_nlp(program.nlp, solver, options)
+    if not found.success and found.status != _UNBOUNDED:
+        return replace(solution, status=STATIONARY)
+    is_better = found.objective < solution.objective - _BETTER * abs(solution.objective)
+    return replace(found, iterations=solution.iterations + found.iterations) if is_better else solution
 
 
 def _failure(program: Program, solution: Solution, solver: str) -> OptimizationError:

@@ -285,3 +285,30 @@ def test_a_parameter_without_a_slope_is_noted() -> None:
     assert best.objective == pytest.approx(0.0, abs=1e-8)
     assert best.parameters["delay"] == pytest.approx(0.7, abs=1e-6)
     assert best.stats["notes"] == ()
+
+
+def far() -> Problem:
+    """As far as possible from zero in a second with at most 1 m/s2, to either side; by symmetry zero is stationary."""
+    problem = Problem(Cart())
+    problem.phase(duration=1.0, intervals=4)
+    problem.subject_to("u", min=-1.0, max=1.0)
+    problem.minimize(-(problem.end("s") ** 2))
+    return problem
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+def test_a_stationary_guess_is_left(solver: str) -> None:
+    """s = u / 2 is 1/2 at most."""
+    assert far().solve(solver=solver).objective == pytest.approx(-0.25, rel=1e-6)
+
+
+def test_a_controller_leaves_a_stationary_guess() -> None:
+    assert abs(far().controller()([0.0, 0.0])["u"]) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_greatest_value_is_no_minimum() -> None:
+    problem = Problem(Cart())
+    problem.phase(duration=1.0, intervals=4)
+    problem.minimize(-problem.integral(problem["u"] ** 2))
+    with fails_with(OptimizationError, "AC702"):
+        problem.solve()

@@ -16,6 +16,10 @@ from acausal.optimal_control.program.points import Points, insert_functions
 
 # ipopt stops there if it no longer improves an iterate that does not meet the tolerance.
 _ACCEPTABLE = "Solved_To_Acceptable_Level"
+# The status of a stationary point beside which no solution is found.
+STATIONARY = "Stationary"
+# By this fraction of their scales unknowns are displaced to see whether a stationary point is a minimum.
+_BESIDE = 1e-2
 _NONE: Vector = np.zeros(0)
 # Limits of an unknown with a smaller relative difference are equal.
 _SAME = 1e-12
@@ -133,6 +137,7 @@ class Solution:
     status: str
     iterations: int
     p: Vector = field(default_factory=lambda: _NONE)  # values of the parameters of the program, shape (np,)
+    is_curved: bool = True  # whether the last step has found the curvature of a minimum
 
     def values(self, *expressions: Any) -> list[Vector]:
         """Values of expressions of the unknowns, each of the shape of the expression."""
@@ -140,13 +145,23 @@ class Solution:
 
 
 def stopped_note(status: str, tolerance: float) -> tuple[str, ...]:
-    """A note on a solution that ipopt takes although it misses the tolerance."""
+    """A note on a solution that ipopt takes although it misses the tolerance, or that may be no minimum."""
+    if status == STATIONARY:
+        return (
+            "the guess leads to a stationary point, beside which the solver finds no solution: it may not be a "
+            "minimum; give another guess",
+        )
     if status != _ACCEPTABLE:
         return ()
     return (
         f"ipopt stops before it reaches the tolerance of {tolerance:g}, at its acceptable_tol: the objective "
         "may not be the least; give magnitudes (nominal=) of variables, or a closer guess",
     )
+
+
+def displaced(x: Vector) -> Vector:
+    """Unknowns beside x, shape (n,), without its symmetries: by a hundredth of their scales."""
+    return x + _BESIDE * np.random.default_rng(0).standard_normal(len(x))
 
 
 def solve_nlp(nlp: Nlp, solver: str, inner: Mapping[str, Any]) -> Solution:
@@ -222,7 +237,17 @@ def _solution(nlp: Nlp, function: Any, found: Any, values: Vector, duals: Vector
         bool(stats.get("success", False)),
         status if isinstance(status, str) else f"no solution after {iterations} iterations",  # fatrop has numbers
         iterations,
+        is_curved=is_curved(stats),
     )
+
+
+def is_curved(stats: Mapping[str, Any]) -> bool:
+    """Whether a solver says that it has made a step for which it did not have to add curvature; fatrop does not say.
+
+    A guess may be stationary without being a minimum, by symmetry, and a solver then stops there.
+    """
+    added = stats.get("iterations", {}).get("regularization_size", [1.0])
+    return bool(stats.get("iter_count", 0)) and not added[-1] > 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from acausal.arrays import Vector
 from acausal.optimal_control.optimum.error import interval_errors
 from acausal.optimal_control.optimum.trajectory import trajectory_of
-from acausal.optimal_control.program.nlp import Solution, solver_of, stopped_note
+from acausal.optimal_control.program.nlp import STATIONARY, Solution, displaced, is_curved, solver_of, stopped_note
 from acausal.optimal_control.program.radau import Dynamics, Program
 
 _OPTIONS = {
@@ -52,7 +52,7 @@ class WarmStartedSolver:
         self._guess: Any = np.concatenate(self._nlp.begin)
         self._duals: Any = np.zeros(len(low))
         self._name, self._program, self._tolerance = name, program, float(ipopt["tol"])
-        self._is_checked = False
+        self._is_checked = self._has_solved = False
         self.iterations, self.status = 0, ""
         self.notes: tuple[str, ...] = ()
 
@@ -63,17 +63,27 @@ class WarmStartedSolver:
         """
         if not self._weight:  # the weight depends on the parameters, which are known from the first call on
             self._weight = self._nlp.objective_weight(p)
-        found = self._solver(x0=self._guess, lam_g0=self._duals, p=np.append(p, self._weight), **self._limits)
-        stats = self._solver.stats()
-        self.iterations = int(stats.get("iter_count", 0))
+        found, stats = self._solved(p, self._guess)
         status = str(stats.get("return_status", ""))
-        self.status = status.replace("_", " ")
+        self.iterations, self.status = int(stats.get("iter_count", 0)), status.replace("_", " ")
         if not stats.get("success", True):
             return None
+        if not self._has_solved and not is_curved(stats):  # later calls begin at a minimum
+            beside, stats = self._solved(p, displaced(np.array(found["x"]).ravel()))
+            if not stats.get("success", True):
+                status = STATIONARY
+            elif float(beside["f"]) < float(found["f"]):
+                found = beside
+        self._has_solved = True
         for text in stopped_note(status, self._tolerance):
             self.note(text)
         self._guess, self._duals = found["x"], found["lam_g"]
         return found["x"]
+
+    def _solved(self, p: Vector, guess: Any) -> tuple[Any, Any]:
+        """(Results, statistics) of a solution for the parameters p, shape (np,), from a guess."""
+        found = self._solver(x0=guess, lam_g0=self._duals, p=np.append(p, self._weight), **self._limits)
+        return found, self._solver.stats()
 
     def check_once(self, laws: Sequence[Dynamics], p: Vector) -> None:
         """Note whether IDAS deviates from the last solution within a sample; only the first call looks.
