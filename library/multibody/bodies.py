@@ -17,6 +17,7 @@ from acausal import (
     cross,
     der,
     fabs,
+    fixed,
     guess,
     identity,
     is_root,
@@ -25,6 +26,7 @@ from acausal import (
     potential_root,
     variable,
 )
+from acausal.errors import DeclarationError
 from acausal.library.multibody.frames import Frame
 from acausal.library.multibody.rotations import quaternion_rates, quaternion_rotation
 from acausal.library.multibody.world import PartialHeavy
@@ -36,7 +38,7 @@ class PartialBody(PartialHeavy):
     """Motion of a rigid body's frame_a.
 
     A free body starts from `r_0`, `v_0`, `w_a` and the quaternion `Q` (of any length; see `quaternion(R)`). A body
-    attached to joints starts from their coordinates.
+    attached to joints, or to another body, starts from their coordinates; a `Q` that is fixed is refused there (AC130).
     """
 
     frame_a: Frame = Frame()
@@ -66,7 +68,18 @@ class PartialBody(PartialHeavy):
             yield a.R == quaternion_rotation(self.Q)
             yield der(self.Q) == quaternion_rates(self.Q, self.w_a)
         else:
+            self._refuse_orientation()
             yield self.Q == (0.0, 0.0, 0.0, 1.0)
+
+    def _refuse_orientation(self) -> None:
+        """Raise AC130 if the start of `Q` is fixed, which would be without effect."""
+        if isinstance(self.__dict__["_given"].get("Q"), type(fixed(0.0))):
+            raise DeclarationError(
+                "AC130",
+                "Q is given, but this orientation follows from the parts that the body is fixed to",
+                cause="another body of the same assembly has the quaternion as its states, or joints to the world do",
+                help="leave Q out; give start values to the joints, or Q to that body (a note names starts not given)",
+            )
 
     def newton_euler(self, m: Expr, r_CM: Expr, tensor: Expr, force: Expr, torque: Expr) -> Equations:
         """The six equations of motion, and the assertion that the inertia tensor is valid.

@@ -14,6 +14,7 @@ from acausal.errors import AcausalError, EventError
 from acausal.library.multibody import (
     Body,
     BodyShape,
+    FixedRotation,
     FixedTranslation,
     Force,
     FrameForce,
@@ -351,3 +352,22 @@ def test_an_arm_that_shrinks_after_compiling_is_refused_or_compiled_anew() -> No
     for verb in (acausal.simulate, acausal.linearize):
         with fails_with(AcausalError, "AC029", match="other pivots"):
             verb(long, parameters=values)
+
+
+class Welded(Component):
+    """Two bodies that are one rigid body; the second is turned against the first by half a radian."""
+
+    first: Body = Body(m=1.0, **AT_REST)
+    second: Body = Body(m=1.0)
+    weld: FixedRotation = FixedRotation(R_rel=axis_rotation((0, 0, 1), 0.5))
+
+    def equations(self) -> Equations:
+        yield connect(self.first.frame_a, self.weld.frame_a)
+        yield connect(self.weld.frame_b, self.second.frame_a)
+
+
+def test_an_orientation_is_given_to_a_body_that_has_one_of_its_own() -> None:
+    """The start of the second body contradicts that of the first by the half radian between them."""
+    assert run(Welded(), 0.1).final("second.frame_a.R[1,0]") == pytest.approx(math.sin(0.5))
+    with fails_with(AcausalError, "AC130", "second", "Q is given"):
+        run(Welded(second=Body(m=1.0, Q=UPRIGHT)), 0.1)
