@@ -76,7 +76,14 @@ def test_fatrop_finds_what_ipopt_finds() -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"shooting": "euler"}, {"shooting": "rk4", "steps": 0}, {"solver": "knitro"}, {"control": 3}]
+    "options",
+    [
+        {"shooting": "euler"},
+        {"shooting": "rk4", "steps": 0},
+        {"shooting": "rk4", "steps": 1.5},
+        {"solver": "knitro"},
+        {"control": 3},
+    ],
 )
 def test_unknown_ways_are_refused(options: dict[str, str]) -> None:
     with fails_with(UsageError, "AC053") as refused:

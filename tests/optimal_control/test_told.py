@@ -312,3 +312,14 @@ def test_a_greatest_value_is_no_minimum() -> None:
     problem.minimize(-problem.integral(problem["u"] ** 2))
     with fails_with(OptimizationError, "AC702"):
         problem.solve()
+
+
+def test_a_path_that_is_demanded_exactly_is_not_violated_by_rounding() -> None:
+    """v = t / 2 costs a quarter."""
+    problem = Problem(Cart())
+    problem.phase(duration=1.0, intervals=4)
+    problem.subject_to(problem["v"] == 0.5 * problem.time)
+    problem.minimize(problem.integral(problem["u"] ** 2))
+    best = problem.solve()
+    assert best.objective == pytest.approx(0.25, rel=1e-6)
+    assert best.stats["notes"] == ()

@@ -21,6 +21,8 @@ from acausal.result.result import Result
 _NODES, _WEIGHTS = (v / 2 for v in np.polynomial.legendre.leggauss(12))
 # A constraint violated by more than this fraction of its largest magnitude is noted: less is the error of most meshes.
 _VIOLATED = 1e-2
+# Solvers meet constraints within such a fraction of their scale.
+_EXACT = 1e-6
 
 
 def violation_note(
@@ -46,7 +48,7 @@ def violation_note(
             excess = np.where(keep, np.maximum(c.lower - row, row - c.upper), 0.0)
             size = max(float(np.abs(row).max()), *(abs(v) for v in (c.lower, c.upper) if np.isfinite(v)))
             k = int(np.argmax(excess))
-            if excess[k] > worst * size:
+            if excess[k] > max(worst * size, _EXACT * c.scale):
                 worst = float(excess[k]) / size
                 text = (
                     f"{c.name} is violated between the points of the mesh: it is {row[k]:.4g} at t = {times[k]:.4g} s"

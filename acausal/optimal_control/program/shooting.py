@@ -21,7 +21,7 @@ class Steps:
     count: int
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS or self.count < 1:
+        if self.method not in METHODS or not isinstance(self.count, int) or self.count < 1:
             raise UsageError(
                 "AC053",
                 f"intervals of {self.count} steps of '{self.method}'",
