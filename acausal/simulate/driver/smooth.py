@@ -213,7 +213,7 @@ class Smooth:
         """The segment that could not be integrated."""
         if self._failed is not None:
             return self._failed
-        here, moment = self.recorder.time, self.reached
+        here, moment = self.recorder.time if self.recorder.segments else self.template.start, self.reached
         return replace(self.template, start=here, times=times[times > here], x=moment.x, z=moment.z, p=moment.m)
 
     def end(self, t: float, samples: Vector) -> None:
