@@ -171,6 +171,28 @@ def test_samples_that_the_points_do_not_resolve_are_noted() -> None:
     assert fine.notes == ()
 
 
+class Filled(Component):
+    """A level with two inflows, of constant rate in each sample."""
+
+    u: Real = signal_input(default=0.0)
+    d: Real = signal_input(default=0.3)
+    s: Real = variable(default=fixed(1.0))
+
+    def equations(self) -> Equations:
+        yield der(self.s) == quantity(1.0, "1/s") * (self.u + self.d)
+
+
+def test_integrals_of_a_constant_rate_are_not_noted(capfd: pytest.CaptureFixture[str]) -> None:
+    """Three points integrate parabolas exactly, and an integrator does not need 20 000 steps to agree."""
+    problem = Problem(Filled())
+    problem.phase(duration=2.0, intervals=10)
+    problem.minimize(problem.integral(problem["s"] ** 2 + 0.01 * problem["u"] ** 2))
+    controller = problem.controller()
+    controller([1.0])
+    assert controller.notes == ()
+    assert "mxstep" not in "".join(capfd.readouterr())
+
+
 def test_a_sample_that_misses_the_tolerance_is_noted() -> None:
     loose = dict.fromkeys(("dual_inf_tol", "constr_viol_tol", "compl_inf_tol", "tol"), 1e6)
     options = {"acceptable_iter": 1, **{f"acceptable_{k}": v for k, v in loose.items()}}
