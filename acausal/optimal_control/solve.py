@@ -172,6 +172,12 @@ def _errors(
         off = run_integral_error(program, laws, solution, trajectory, run) if run is not None else drift
         return _switch_errors(program, solution, max(drift, off)), drift, False, notes
     errors, accumulated = interval_errors(program, laws, solution, trajectory)
+    if run is None:
+        worst = max((float(e.max(initial=0.0)) for e in errors), default=0.0)
+        notes += (
+            f"a run with these inputs fails ({replay.failure}), so that only intervals are checked: IDAS deviates by "
+            f"{worst:.2g} of the magnitude of a state or an integral in one; more intervals, or another guess",
+        )
     is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
     if is_blind:
         errors = [np.maximum(*pair) for pair in zip(errors, replay.increases, strict=True)]
@@ -326,7 +332,7 @@ def _mesh_note(
 ) -> tuple[str, ...]:
     """A note if the optimum may exploit the errors of a coarse mesh, or if a run deviates from the solution."""
     if not np.isfinite(drift):
-        return ("a run with these inputs fails, so that the solution is not checked; replay() raises the error",)
+        return ()  # it fails, which has been noted
     if is_blind:
         return (
             "the points of the mesh miss an effect between them: a run with these inputs deviates by "

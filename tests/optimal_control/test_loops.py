@@ -130,3 +130,12 @@ def test_what_follows_from_a_free_start_is_free_too() -> None:
     assert best.start == {"a": pytest.approx(2.0), "b": pytest.approx(4.0)}
     assert best.replay().at(0.0, "b") == pytest.approx(4.0)
     assert best.stats["notes"] == ()
+
+
+def test_an_optimum_off_the_loop_is_noted() -> None:
+    """A demand that the loop makes redundant: the effort is that without it, or a note says that no run follows."""
+    problem = turned(Problem(compile(Slider())))
+    problem.subject_to(problem.end("guide.s") == np.cos(1.3))
+    best = problem.solve()
+    notes = " ".join(best.stats["notes"])  # type: ignore[arg-type]
+    assert best.objective == pytest.approx(effort(1.0), rel=1e-3) or "fails (AC407" in notes

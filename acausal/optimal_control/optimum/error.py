@@ -145,7 +145,7 @@ _SAME_VALUE, _SMALL = 1e-6, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A run with the optimal inputs; None if it fails.
+    """A run with the optimal inputs; None if it fails, for the reason `failure`.
 
     `drift` is its largest deviation from the solution, `increases` what each interval adds to it, shape (intervals,)
     for each phase, relative to the largest magnitudes of the states; infinite if the run fails. `notes` are on other
@@ -156,6 +156,7 @@ class Replay:
     drift: float
     increases: list[Vector]
     notes: tuple[str, ...] = ()
+    failure: str = ""
 
 
 def replayed(best: Optimum, intervals: Sequence[int]) -> Replay:
@@ -169,7 +170,8 @@ def replayed(best: Optimum, intervals: Sequence[int]) -> Replay:
     except AcausalError as error:
         if error.code == "AC029":
             raise
-        return Replay(None, np.inf, [np.full(n, np.inf) for n in intervals])
+        reason = f"{error.code}: {error.fact}"
+        return Replay(None, np.inf, [np.full(n, np.inf) for n in intervals], failure=reason)
     _refuse_end(best, run)
     _refuse_changes(best, run)
     deviations = best.distances(run)
