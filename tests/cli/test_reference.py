@@ -110,7 +110,8 @@ def test_numbers_without_a_unit_beside_others_are_refused() -> None:
 
 
 def test_members_of_enumerations_are_given_by_name() -> None:
-    assert prepare(Tabulated, ["beyond=HOLD_LAST_POINT"]).structural["beyond"] is Extrapolation.HOLD_LAST_POINT
+    for text in ("HOLD_LAST_POINT", "Extrapolation.HOLD_LAST_POINT"):
+        assert prepare(Tabulated, [f"beyond={text}"]).structural["beyond"] is Extrapolation.HOLD_LAST_POINT
     for text in ("1", '"HOLD_LAST_POINT"', "HOLD"):
         with pytest.raises(UsageError, match="beyond") as error:
             prepare(Tabulated, [f"beyond={text}"])

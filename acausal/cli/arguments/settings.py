@@ -162,8 +162,9 @@ def _structural(path: str, text: str, declaration: Declaration) -> object:
     default = declaration.default
     if isinstance(default, Enum):
         members = type(default).__members__
-        if text in members:
-            return members[text]
+        name = text.removeprefix(f"{type(default).__name__}.")  # as `acausal info` shows it
+        if name in members:
+            return members[name]
         raise UsageError(
             "AC003",
             f"'{text}' is not a value for the structural '{path}'",
