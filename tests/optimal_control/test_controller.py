@@ -96,7 +96,7 @@ def tracker() -> Problem:
 def test_a_set_point_varies_from_sample_to_sample() -> None:
     """At rest at the set point the force is zero; one metre below, it is what the regulator has one metre off."""
     problem = tracker()
-    m = problem.decide("m")
+    m = problem.decide("m", max=5.0)
     problem.minimize(problem.integral((problem["mass.s"] - m) ** 2 + problem["mass.v"] ** 2 + problem["u"] ** 2))
     controller = problem.controller(varying=["m"])
     assert controller([2.0, 0.0], {"m": 2.0})["u"] == pytest.approx(0.0, abs=1e-5)
@@ -104,6 +104,8 @@ def test_a_set_point_varies_from_sample_to_sample() -> None:
     assert controller([3.0, 0.0], {"m": 2.0})["u"] == pytest.approx(-off, rel=1e-4)
     with fails_with(DeclarationError, "AC136"):
         controller([0.0, 0.0], {"m": -1.0})
+    with fails_with(UsageError, "AC033", match="m is 6, outside of its limits"):
+        controller([0.0, 0.0], {"m": 6.0})
 
 
 def test_what_a_controller_would_ignore_is_refused() -> None:

@@ -70,8 +70,8 @@ class Controller:
         """Values of the inputs by name, to be held for a sample.
 
         Raises OptimizationError: AC703 if there is no solution; the next call starts from the last solution again.
-        Raises UsageError: AC033 for a state that is missing or not finite, AC053 for a parameter that is not one of
-        `varying`, AC023 and AC029 for its value.
+        Raises UsageError: AC033 for a state that is missing or not finite, and for a parameter outside its limits,
+        AC053 for one that is not one of `varying`, AC023 and AC029 for its value.
         Raises DeclarationError: AC136 and AC139 for a value outside its limits, or that contradicts others.
 
         `states`: values by name, or all in the order of `self.states`, shape (nx,).
@@ -114,6 +114,10 @@ class Controller:
         p, checked = q.p.copy(), parameter_vector(q.model, parameters)
         places = [q.parameters.position(name) for name in parameters]
         p[places] = checked[places]
+        for place, lower, upper, _ in q.decided:
+            if not lower <= p[place] <= upper:
+                fact = f"{q.parameters.names[place]} is {p[place]:g}, outside of its limits {lower:g} ... {upper:g}"
+                raise UsageError("AC033", fact, help="they are those of problem.decide")
         return p
 
     def _check_circles(self) -> None:
