@@ -97,17 +97,23 @@ def kinks(problem: StatedProblem, guesses: Sequence[PhaseGuess], smooth: float, 
     return [switching_branches(dae, _arguments(guess, _INSIDE, begin, q.p), smooth, often) for guess, begin in pairs]
 
 
-def bias(laws: Sequence[Dynamics], trajectory: Trajectory) -> float:
-    """Bias of the states by smoothing: integral of the deviation of their rates, relative to the largest state."""
+def bias(laws: Sequence[Dynamics], trajectory: Trajectory) -> tuple[float, float]:
+    """Bias of smoothing, of the states and of the variables in the problem, relative to their largest magnitudes.
+
+    That of a state is the integral of the deviation of its rate, that of a variable its mean deviation.
+    """
     size = np.max([np.abs(phase.x).max(axis=1, initial=0.0) for phase in trajectory.phases], axis=0)
-    integral = np.zeros(len(size))
+    integral, of_outputs, whole = np.zeros(len(size)), 0.0, sum(phase.duration for phase in trajectory.phases)
     for phase, law in zip(trajectory.phases, laws, strict=True):
         if law.exact is not None:
             fractions = (np.arange(_FINE * len(phase.mesh)) + 0.5) / (_FINE * len(phase.mesh))
             columns = _arguments(PhaseGuess(phase.duration, phase.at), fractions, phase.begin, trajectory.p)
-            deviation = np.abs(_evaluated(law.dae, columns)[0] - _evaluated(law.exact, columns)[0])
-            integral += phase.duration * deviation.mean(axis=1)
-    return float((integral / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
+            (rates, _, y), (exact_rates, _, exact) = _evaluated(law.dae, columns), _evaluated(law.exact, columns)
+            integral += phase.duration * np.abs(rates - exact_rates).mean(axis=1)
+            largest = np.abs(exact).max(axis=1, initial=0.0)
+            share = np.abs(y - exact).mean(axis=1) / np.where(largest > 0.0, largest, 1.0)
+            of_outputs = max(of_outputs, phase.duration / whole * float(share.max(initial=0.0)))
+    return float((integral / np.where(size > 0.0, size, 1.0)).max(initial=0.0)), of_outputs
 
 
 def _arguments(guess: PhaseGuess, fractions: Vector, begin: float, p: Vector) -> list[Vector]:

@@ -74,7 +74,8 @@ class Problem(StatedProblem):
             Smooths the kinks of `where`, `maximum`, `minimum`, `abs` that the guess or the solution crosses within a
             phase, for problems in which the order of switches is free: the width relative to the largest value of the
             quantity that changes sign. 0 leaves the model as it is. `stats["bias"]` is the resulting bias of a state,
-            the integral of the deviation of its rate relative to its largest magnitude; a note states it as well.
+            the integral of the deviation of its rate relative to its largest magnitude, or the mean deviation of
+            another variable in the problem; a note states it as well.
         complementarity
             Relax these branches instead of smoothing them: a selector in [0, 1] per collocation point becomes an
             unknown. It is 0 or 1 according to the sign of the quantity that decides the branch, and takes a value

@@ -134,7 +134,7 @@ def solve_problem(problem: StatedProblem, choices: Choices) -> Optimum:
         "intervals": sum(map(len, meshes)),
         **({} if program.complementarity else {"interval_error": worst}),
         "replay_error": drift,
-        "bias": (smoothing_bias := bias(laws, trajectory)),
+        "bias": max(smoothing_bias := bias(laws, trajectory)),
         **stopwatch.seconds,
     }
     notes = _switch_note(worst) if program.complementarity else _mesh_note(trajectory, errors, worst, drift, is_blind)
@@ -178,7 +178,7 @@ def _errors(
             f"a run with these inputs fails ({replay.failure}), so that only intervals are checked: IDAS deviates by "
             f"{worst:.2g} of the magnitude of a state or an integral in one; more intervals, or another guess",
         )
-    is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)), _NOTED)
+    is_blind = drift > max(_BLIND * max(accumulated, bias(laws, trajectory)[0]), _NOTED)
     if is_blind:
         errors = [np.maximum(*pair) for pair in zip(errors, replay.increases, strict=True)]
     return errors, drift, is_blind, notes
@@ -192,12 +192,14 @@ def _with_new_branches(
     return [{**new, **known} for new, known in zip(found, widths, strict=True)]
 
 
-def _smoothing_note(widths: list[Widths], deviation: float) -> tuple[str, ...]:
+def _smoothing_note(widths: list[Widths], deviations: tuple[float, float]) -> tuple[str, ...]:
     """A note on the bias of smoothing."""
     count = sum(map(len, widths))
     if not count:
         return ()
-    return (f"{count} kinks are rounded, which changes states by up to {deviation:.2g} of their magnitude",)
+    of_states, of_others = deviations
+    others = f", and other variables of the problem by up to {of_others:.2g}" if of_others > of_states else ""
+    return (f"{count} kinks are rounded, which changes states by up to {of_states:.2g} of their magnitude{others}",)
 
 
 def _switch_note(worst: float) -> tuple[str, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.integrate
@@ -69,7 +71,8 @@ class Bead(Component):
 
 def test_the_brachistochrone_is_a_cycloid() -> None:
     """x = r (a - sin a), y = r (1 - cos a), in the time a sqrt(r / g) (Johann Bernoulli, 1697)."""
-    angle = float(scipy.optimize.brentq(lambda a: (a - np.sin(a)) / (1 - np.cos(a)) - 2.0, 0.1, 6.2))
+    found: Any = scipy.optimize.brentq(lambda a: (a - np.sin(a)) / (1 - np.cos(a)) - 2.0, 0.1, 6.2)
+    angle = float(found)
     problem = Problem(Bead())
     problem.phase(duration=(0.1, 3.0), intervals=8)
     problem.subject_to(problem.end("x") == 2.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from acausal import Component, Equations, Real, der, fixed, parameter, signal_input, variable, where
+from acausal import Component, Equations, Real, der, fabs, fixed, parameter, signal_input, variable, where
 from acausal.errors import AcausalError
 from acausal.optimal_control import Problem
 from acausal.optimal_control.optimum.optimum import Optimum
@@ -97,3 +97,28 @@ def test_what_the_guess_and_the_answer_never_pass_stays_as_it_is() -> None:
 def test_a_share_lies_between_nothing_and_all(smooth: float) -> None:
     with fails_with(AcausalError, "AC053"):
         waiting().solve(smooth=smooth)
+
+
+class Distant(Component):
+    """A point that moves, and its distance from zero, which no state depends on."""
+
+    u: Real = signal_input(default=0.9, min=-1.0, max=1.0)
+    x: Real = variable(default=fixed(-0.5), unit="s")
+    y: Real = variable(unit="s")
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+        yield self.y == fabs(self.x)
+
+
+@pytest.mark.parametrize("smooth", [0.01, 0.3])
+def test_what_rounding_adds_to_an_objective_is_a_bias(smooth: float) -> None:
+    """At full rate, with a rest at zero, the integral is (0.5**2 + 0.4**2) / 2; the rest is the bias."""
+    problem = Problem(Distant())
+    problem.phase(duration=1.0, intervals=10)
+    problem.subject_to(problem.end("x") == 0.4)
+    problem.minimize(problem.integral("y"))
+    best = problem.solve(smooth=smooth)
+    added = best.objective - (0.5**2 + 0.4**2) / 2
+    assert bias(best) * 0.5 == pytest.approx(added, rel=0.05)
+    assert "other variables of the problem" in notes(best)[-1]
