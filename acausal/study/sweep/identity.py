@@ -40,10 +40,24 @@ def fingerprint(compiled: CompiledModel) -> str:
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 
+def referenced(compiled: CompiledModel) -> str:
+    """Hash of what a pickled model takes from the classes of the process that reads it: declarations and functions."""
+    flat = compiled.flat
+    declared = [*(v.declaration for v in flat.variables), *(p.declaration for p in flat.parameters)]
+    limits = [(d.unit, d.shape, d.nominal, d.min, d.max) for d in declared]
+    called = ((call.external.name, function(call.external)) for call in _calls(compiled))
+    code = sorted({(name, f.serialize() if is_self_contained(f) else "") for name, f in called})
+    return hashlib.sha256(repr((limits, code)).encode()).hexdigest()
+
+
+def _calls(compiled: CompiledModel) -> set[Call]:
+    """Calls of external functions."""
+    return {node[0] for node in compiled.flat.pool.nodes if isinstance(node[0], Call)}
+
+
 def unknown_functions(compiled: CompiledModel) -> list[str]:
     """External functions that call Python or a library: a fingerprint contains their names, not what they compute."""
-    calls = {node[0] for node in compiled.flat.pool.nodes if isinstance(node[0], Call)}
-    return sorted({call.external.name for call in calls if not is_self_contained(function(call.external))})
+    return sorted({call.external.name for call in _calls(compiled) if not is_self_contained(function(call.external))})
 
 
 def _evaluated(compiled: CompiledModel) -> list[str]:

@@ -21,6 +21,7 @@ from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
+from acausal.study.sweep.identity import referenced
 
 # A row is that of an output time if they differ by less than this fraction of the run, since an event takes the place
 # of a row beside it, or of the largest time, by rounding.
@@ -149,11 +150,14 @@ def unpickled(pickled: bytes) -> Task:
     Raises pickle.UnpicklingError: for any error, with its message.
     """
     try:
-        files, content = pickle.loads(pickled)
+        files, classes, content = pickle.loads(pickled)
         # a worker may outlive a model: another folder may have a file of its name, or the file has been edited
         if files and getattr(sys.modules.get(files[0][0]), SENT, None) != files:
             _execute(files)
-        return cast(Task, pickle.loads(content))
+        task = cast(Task, pickle.loads(content))
+        if referenced(task.model) != classes:
+            raise ImportError(f"it has imported classes of another version of {task.model.name}")
+        return task
     except Exception as error:
         raise pickle.UnpicklingError(f"{type(error).__name__}: {error}") from error
 

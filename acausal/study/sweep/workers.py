@@ -33,6 +33,7 @@ from typing import Any, Protocol
 
 from acausal.errors import RunError, UsageError
 from acausal.language.component import Component
+from acausal.study.sweep.identity import referenced
 from acausal.study.sweep.member import SENT, Outcome, Task, failed, forget, remember, run_chunk
 
 Member = tuple[int, tuple[float, ...]]
@@ -159,7 +160,7 @@ def pickled(task: Task) -> bytes:
 
     Raises UsageError: AC064 if something in the model cannot be pickled.
     """
-    return pickle.dumps((_source_files(task.component), _dumps(task)))
+    return pickle.dumps((_source_files(task.component), referenced(task.model), _dumps(task)))
 
 
 def _dumps(task: Task) -> bytes:
@@ -283,8 +284,8 @@ def _collect(
             "AC064",
             f"the workers cannot load {task.model.name}",
             evidence=[f"{type(error).__name__}: {error}"],
-            help="install its modules, and the same versions of acausal and CasADi, on the workers; move classes of a "
-            "script into a file of their own",
+            help="install its modules, and the same versions of acausal and CasADi, on the workers; restart those that "
+            "have imported what has changed since; move classes of a script into a file of their own",
         ) from error
     except Exception as error:
         if len(chunk) > 1:

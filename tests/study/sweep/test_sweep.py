@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
 import sqlite3
 import subprocess
@@ -529,6 +530,16 @@ class Late(Component):
         first, last = (members.unpickled(pickled) for pickled in (sent[0], sent[-1]))
         assert float(members.run_task(first, [0.0]).final("y")) == pytest.approx(2.0)
         assert float(members.run_task(last, [0.0]).final("y")) == pytest.approx(start + 1.0)
+
+
+def test_a_worker_with_another_version_of_the_classes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Classes are imported by the worker: with the former limits of a parameter, other members would fail."""
+    task = members.Task(acausal.compile(Decay()), Decay(), {}, ("k",), np.array([0.0, 1.0]), ("x",), {})
+    sent = workers.pickled(task)
+    assert members.unpickled(sent).model.states == task.model.states
+    monkeypatch.setitem(Decay._declarations, "k", acausal.parameter(default=1.0, unit="1/s", max=0.1))
+    with pytest.raises(pickle.UnpicklingError, match="another version of Decay"):
+        members.unpickled(sent)
 
 
 def test_a_worker_that_cannot_load_the_model_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
