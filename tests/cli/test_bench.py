@@ -121,6 +121,11 @@ def test_a_step_function_is_exported(folder: Path) -> None:
     assert len(bare) < len(whole)
 
 
+def test_outputs_of_a_step_are_separated_by_commas() -> None:
+    named = run("export", "step", "BouncingBall", "--outputs", "h,v", "--json").json
+    assert [port["name"] for port in named["y"][:2]] == ["h", "v"]
+
+
 def test_a_step_is_written_to_c_files_only(folder: Path) -> None:
     """`-o rt` left a file whose name tells nobody what it holds."""
     found = run("export", "step", "Pendulum", "-o", "rt")

@@ -179,7 +179,8 @@ def step(
 
     check_source_file(target)
     check_writable(target)
-    made = step_function(compile(prepared.model, parameters=prepared.parameters), seconds, method, outputs, error=error)
+    compiled = compile(prepared.model, parameters=prepared.parameters)
+    made = step_function(compiled, seconds, method, listed(outputs) or None, error=error)
     made.save(target)
     operations = _operations(made.function)
     head = f"{made.function}  {made.method}, {made.step:g} s, at most {operations} operations"
