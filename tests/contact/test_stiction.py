@@ -9,12 +9,12 @@ import pytest
 
 import acausal
 from acausal import Component, Equations, connect, fixed, maximum, part, quantity, structural, time
-from acausal.library.contact import FrictionLaw, HalfSpace, Hybrid, KelvinVoigt, LuGre, Sphere, SurfaceContact
+from acausal.library.contact import Box, FrictionLaw, HalfSpace, Hybrid, KelvinVoigt, LuGre, Sphere, SurfaceContact
 from acausal.library.multibody import Body, Fixed, Prismatic, Revolute, World, WorldForce
 from acausal.library.multibody.orientation import IDENTITY
 from acausal.library.rotational import Speed
 from acausal.library.translational import Speed as Drag
-from tests.contact.scenes import G, OnGround
+from tests.contact.scenes import FIRM, G, OnGround
 from tests.marks import slow_but
 
 REST = 0.05 - G / 4e5
@@ -180,3 +180,39 @@ def test_slow_sliding_resists_a_push_across_it() -> None:
     r = acausal.simulate(DraggedAndPushed(), stop_time=0.5, tolerance=1e-7)
     q = 2.0 / (0.5 * G)
     assert r.final("across.v") == pytest.approx(q / np.sqrt(1 - q**2) * DRAGGED, rel=0.02)
+
+
+class SpinningBox(Component):
+    """A box of 0.1 m and 1 kg that lies on the ground and spins on its four corners at 10 rad/s."""
+
+    law: FrictionLaw = structural()
+    world: World = World(n=(0.0, 0.0, -1.0), g=G)
+    box: Body = part()
+    ground: Fixed = Fixed()
+    contact: SurfaceContact = part()
+
+    def build(self) -> None:
+        self.box = Body(
+            m=1.0,
+            I_11=1 / 600,
+            I_22=1 / 600,
+            I_33=1 / 600,
+            r_0=fixed((0.0, 0.0, REST)),
+            v_0=fixed((0.0, 0.0, 0.0)),
+            Q=fixed((0.0, 0.0, 0.0, 1.0)),
+            w_a=fixed((0.0, 0.0, 10.0)),
+        )
+        box = Box((0.1, 0.1, 0.1))
+        self.contact = SurfaceContact(shape_a=box, shape_b=HalfSpace(), law=FIRM, friction=self.law)
+
+    def equations(self) -> Equations:
+        yield connect(self.box.frame_a, self.contact.frame_a)
+        yield connect(self.ground.frame_b, self.contact.frame_b)
+
+
+@pytest.mark.parametrize("law", [Hybrid(mu=0.3), LuGre(mu=0.3, mu_s=0.3)], ids=["hybrid", "lugre"])
+def test_a_spin_on_four_corners_is_braked_by_friction(law: FrictionLaw) -> None:
+    """mu m g times the distance of the corners, over the inertia: the mean slip of such a spin is zero."""
+    r = acausal.simulate(SpinningBox(law=law), stop_time=0.02, tolerance=1e-6, solver="rosenbrock")
+    braked = 0.3 * G * 0.1 * np.sqrt(0.5) * 600 * 0.02
+    assert r.final("box.w_a[2]") == pytest.approx(10.0 - braked, rel=5e-3)

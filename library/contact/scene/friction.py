@@ -97,7 +97,8 @@ class LuGre(FrictionLaw):
     once (H. Olsson, Control systems with friction, Lund 1996, section 3.4). Without contact the bristles relax with
     the time constant `relaxation`.
 
-    Creep: none under a constant load below mu F_N; it holds at z = q / s_0.
+    Creep: none under a constant load below mu F_N; it holds at z = q / s_0. What a point slips beyond the mean, as in a
+    rotation about the normal, bends no bristle: it meets g(v) F_N against its velocity, smoothed below `v_st`.
 
     Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, A new model for control of systems with friction,
     IEEE Trans. Automatic Control 40 (1995) 419-425; per normal force as in C. Canudas de Wit, P. Tsiotras, Dynamic tire
@@ -133,8 +134,16 @@ class LuGre(FrictionLaw):
 
     def bristle_rate(self, z: Expr, v: Expr) -> Expr:
         """Rate of the deflection `z` [m, vector] at the sliding velocity `v` [m/s, vector], under load."""
-        g = self.mu + (as_expr(self.mu_s) - self.mu) * self._slow(v)
-        return v - z * (self.s_0 * smooth_speed(v, quantity(1e-12, "m/s")) / g)
+        return v - z * (self.s_0 * smooth_speed(v, quantity(1e-12, "m/s")) / self.sliding(v))
+
+    @property
+    def turning_speed(self) -> Expr:
+        """Velocity relative to the mean below which the friction of turning is smoothed [m/s]."""
+        return as_expr(self.v_st)
+
+    def sliding(self, v: Expr) -> Expr:
+        """Coefficient of friction when sliding at the velocity `v` [m/s, vector]: g(v)."""
+        return self.mu + (as_expr(self.mu_s) - self.mu) * self._slow(v)
 
     def held(self, z: Expr, z_rate: Expr, v: Expr) -> Expr:
         """Force of the bristles per normal force [1, vector], against the sliding."""
@@ -156,8 +165,8 @@ class Hybrid(FrictionLaw):
     has none. A body comes to rest at the located instant at which its velocity along this direction crosses zero.
 
     Creep: none. Applying a load of the fraction q of F_N displaces a stuck body once, by q / s_0; a load that is
-    applied suddenly may overshoot the limit. Each contact has one spring: rotation about the normal is damped, not
-    held.
+    applied suddenly may overshoot the limit. Each contact has one spring: what a point slips beyond the mean, as in a
+    rotation about the normal, meets mu F_N against its velocity, smoothed below `v_s`, and is not held.
 
     Source: the modes are those of M. Otter, H. Elmqvist, S. E. Mattsson, Hybrid modeling in Modelica based on the
     synchronous data flow principle, CACSD'99; the spring of a stuck contact as in P. A. Cundall, O. D. L. Strack, A
@@ -187,6 +196,15 @@ class Hybrid(FrictionLaw):
     def __post_init__(self) -> None:
         check(self, positive="s_0 v_s relaxation", least="mu s_1" + " mu_s" * (self.mu_s is not None))
         with_units(self, s_0="1/m", s_1="s/m", v_s="m/s", relaxation="s")
+
+    @property
+    def turning_speed(self) -> Expr:
+        """Velocity relative to the mean below which the friction of turning is smoothed [m/s]."""
+        return as_expr(self.v_s)
+
+    def sliding(self, v: Expr) -> Expr:
+        """Coefficient of friction when sliding, at any velocity `v` [m/s, vector]."""
+        return as_expr(self.mu)
 
     @property
     def limit(self) -> Expr:

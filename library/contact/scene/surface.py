@@ -53,7 +53,8 @@ class SurfaceContact(Component):
 
     Each shape is fixed to a frame: its origin lies at `pose[0]` [m] in that frame, its axes are turned by `pose[1]`.
     The laws hold at each point of contact: four corners on the ground are four springs. Bristle friction has one
-    bristle per contact, bent by the mean sliding velocity, weighted with the normal forces.
+    bristle per contact, bent by the mean sliding velocity, weighted with the normal forces; what a point slips beyond
+    the mean meets the friction of sliding.
 
     The work of all forces is accounted for: the power of the normal force (`power_normal`) is stored (`energy`) or
     damped (`power_damping`), that of friction is `power_friction`. Where points of contact change, `power_damping`
@@ -96,7 +97,7 @@ class SurfaceContact(Component):
         r_b, R_b = _placed(b, self.pose_b)
         own = _STRAIGHT if self._is_relative() else _placed(a, self.pose_a)
         points = touches(self.shape_a, self.shape_b)(*own, axes.T @ (r_b - origin), axes.T @ R_b)
-        loads = [self._load(point) for point in points]
+        loads = [self._load(point, is_wide=len(points) > 1) for point in points]
         yield self.depth == deepest(points)
         yield self.F_N == _total([load.pressed for load in loads])
         yield self.f_0 == axes @ _total([load.force for load in loads])
@@ -178,7 +179,7 @@ class SurfaceContact(Component):
         if self.friction.has_bristle:
             yield self.bristle == 0
 
-    def _load(self, point: Touch) -> _Load:
+    def _load(self, point: Touch, *, is_wide: bool) -> _Load:
         rate = dot(point.normal, self._velocity(point))
         pressed = self.law.force(point.depth, rate)
         energy = self.law.energy(point.depth)
@@ -188,25 +189,43 @@ class SurfaceContact(Component):
         slip = self._slip(point)
         viscous = pressed * self.friction.drag(smooth_speed(slip, _STILL))
         drag, rubbed = slip * viscous, viscous * dot(slip, slip)
+        if isinstance(self.friction, LuGre | Hybrid) and is_wide:
+            drag = drag + self._turning(self.friction, point.normal, slip) * pressed
         if isinstance(self.friction, LuGre):
             # The rate relative to the surfaces: without their rotation, which bends nothing.
             held = self.friction.held(self.bristle, self.friction.bristle_rate(self.bristle, self.slip), slip)
             drag = drag + (held - point.normal * dot(held, point.normal)) * pressed
         if isinstance(self.friction, Hybrid):
-            drag = self._held(self.friction, point.normal, slip) * pressed
+            drag = drag + self._held(self.friction, point.normal, slip, is_wide=is_wide) * pressed
         if self.friction.has_bristle:
             rubbed = dot(drag, slip)
         taken, damping, kept = pressed * rate, (pressed - elastic) * rate, elastic * rate
         return _Load(point.normal * pressed + drag, pressed, energy, taken, damping, kept, rubbed)
 
-    def _held(self, law: Hybrid, normal: Expr, slip: Expr) -> Expr:
-        """Friction per normal force at a point [1], vector in the plane of contact."""
+    def _turning(self, law: LuGre | Hybrid, normal: Expr, slip: Expr) -> Expr:
+        """What friction at a point is beyond that of the mean velocity, per normal force [1], vector.
+
+        The bristle knows the mean alone: it would let a face spin on its normal as if there were no friction.
+        """
+        mean = self.slip - normal * dot(normal, self.slip)
+        own, common = (v / smooth_speed(v, law.turning_speed) for v in (slip, mean))
+        beyond = (own - common) * law.sliding(slip)
+        if isinstance(law, LuGre):
+            return beyond
+        return as_expr([where(equals(self.mode, 2), 0.0, beyond[k]) for k in range(3)])  # there it has its own velocity
+
+    def _held(self, law: Hybrid, normal: Expr, slip: Expr, *, is_wide: bool) -> Expr:
+        """Friction per normal force at a point [1], vector in the plane of contact, without that of turning."""
         bent, speed = self.bristle * law.s_0, smooth_speed(slip, _STILL)
         bent = bent - normal * dot(bent, normal)
         way = self.direction - normal * dot(self.direction, normal)
+        damped = self.slip - normal * dot(normal, self.slip) if is_wide else slip
         stuck, slow = equals(self.mode, 0), equals(self.mode, 1)
         return as_expr(
-            [where(stuck, bent[k] + law.s_1 * slip[k], law.mu * where(slow, way[k], slip[k] / speed)) for k in range(3)]
+            [
+                where(stuck, bent[k] + law.s_1 * damped[k], law.mu * where(slow, way[k], slip[k] / speed))
+                for k in range(3)
+            ]
         )
 
     def _spin(self, point: Touch) -> Expr:
