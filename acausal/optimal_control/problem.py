@@ -35,8 +35,9 @@ class StatedProblem:
         parameters: Mapping[str, float] | None = None,
         free_start: Sequence[str] = (),
     ) -> None:
-        self.compiled = model if isinstance(model, CompiledModel) else compile(model)
-        self.quantities = Quantities(self.compiled, dict(parameters or {}))
+        compiled = model if isinstance(model, CompiledModel) else compile(model)
+        self.quantities = Quantities(compiled, dict(parameters or {}))
+        self.compiled = self.quantities.model  # with all pairs of a contact scene, whose choice a run would change
         self.free_start = tuple(k for name in free_start for k in self.quantities.of_states(name))
         refuse_dependents(self.quantities, self.free_start)
         self.specs: list[PhaseSpec] = []
