@@ -72,11 +72,21 @@ def test_a_model_with_a_clock_of_its_own_is_refused() -> None:
         problem.controller()
 
 
+def test_an_objective_with_a_clock_is_refused() -> None:
+    """Each horizon would begin at the same time."""
+    problem = Problem(Slider())
+    problem.phase(duration=1.0, intervals=4)
+    problem.minimize(problem.integral((problem["mass.s"] - problem.time) ** 2))
+    with fails_with(UsageError, "AC053", match="depends on the time"):
+        problem.controller()
+
+
 @pytest.mark.parametrize(
     ("states", "fact"),
     [
         ({"mass.s": 1.0}, "the state mass.v is missing"),
         ({"mass.s": float("nan"), "mass.v": 0.0}, "the state mass.s is nan"),
+        ({"mass.s": "1 m", "mass.v": 0.0}, "the state mass.s is 1 m"),
         ([1.0], "1 values for 2 states"),
         ([1.0, 0.0, 0.0], "3 values for 2 states"),
     ],

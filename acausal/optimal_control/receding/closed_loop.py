@@ -88,8 +88,8 @@ def closed_loop(
         If the simulation of the plant fails; its `result` is the run up to then.
     """
     plant = (plant if isinstance(plant, CompiledModel) else compile(plant)).unchanging("closed_loop")
-    if samples < 1:
-        raise UsageError("AC053", f"a closed loop of {samples} samples", help="give at least one: samples=80")
+    if samples < 1 or samples != int(samples):
+        raise UsageError("AC053", f"a closed loop of {samples} samples", help="give a whole number: samples=80")
     for name in controller.inputs:
         if name not in plant.inputs:
             raise UsageError(

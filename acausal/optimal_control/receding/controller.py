@@ -14,6 +14,7 @@ from acausal.errors import OptimizationError, UsageError
 from acausal.optimal_control.guess import initial_guess
 from acausal.optimal_control.phases import dynamics_of
 from acausal.optimal_control.problem import StatedProblem
+from acausal.optimal_control.program.points import key, symbols_in
 from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import transcribe
 from acausal.optimal_control.receding.warm_start import WarmStartedSolver
@@ -135,7 +136,7 @@ class Controller:
 def check_given(given: Mapping[str, float], names: Sequence[str], kind: str) -> None:
     """AC033 for missing or not finite values: one nan would invalidate all that follows."""
     for name in names:
-        if name not in given or not np.isfinite(given[name]):
+        if name not in given or isinstance(given[name], str) or not np.isfinite(given[name]):
             value = f"is {given[name]}" if name in given else "is missing"
             raise UsageError(
                 "AC033", f"the {kind} {name} {value}", help=f"each sample has all of {', '.join(names)}, in SI units"
@@ -175,11 +176,15 @@ def _check_horizon(problem: StatedProblem, varying: Sequence[int]) -> None:
 
 
 def check_autonomous(problem: StatedProblem, dae: Any) -> None:
-    """AC053 for a model that depends on time."""
-    compiled = problem.quantities.compiled
+    """AC053 for a model, an objective or a constraint that depends on time."""
+    compiled, time = problem.quantities.compiled, key(problem.quantities.time)
+    stated = [*(v.expression for v in problem.values), *(c.expression for c in problem.constraints)]
+    found = [str(e) for e in stated if time in symbols_in(e)]
     if compiled.time_events.relations or any(dae.jac_sparsity(k, 0).nnz() for k in range(3)):
+        found.append(compiled.name)
+    if found:
         raise UsageError(
             "AC053",
-            f"{compiled.name} depends on the time, which is not passed at a sample",
+            f"{found[0]} depends on the time, which is not passed at a sample",
             help="make its source an input or a varying parameter: acausal.free(model, name)",
         )
