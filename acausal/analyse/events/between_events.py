@@ -7,6 +7,7 @@ Discrete equations and conditions of `when` are evaluated at events only. A valu
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import NamedTuple
 
 from acausal.analyse.blocks.solve import Solution
@@ -28,17 +29,26 @@ class _Node(NamedTuple):
 
 
 class BetweenEvents:
-    """Tells what nodes of a solution are between events. Its relations are located, unless below a `no_event`."""
+    """Tells what event nodes of a solution are between events. Relations are located, unless below a `no_event`."""
 
     def __init__(self, solution: Solution, discrete: frozenset[int]) -> None:
-        self._reduced, self._discrete = solution.structure.reduced, discrete
-        self._pool, self._definitions = self._reduced.pool, dict(solution.definitions)
+        reduced = self._reduced = solution.structure.reduced
+        self._pool, self._discrete = reduced.pool, discrete
         self._algebraic, self._residuals = frozenset(solution.algebraic), solution.residuals
+        self._definitions = dict(solution.definitions)
         # By (node, whether it is below a `no_event`).
         self._known: dict[tuple[int, bool], _Node] = {}
+        self._seen: dict[int, bool] = {}
         self._variables: dict[int, _Node] = {}
         self._plain_of: dict[int, int] = {}
-        self._tables = set[int]()  # nodes that read a table which jumps
+        # Once for all that will be asked: many conditions of a chain depend on all of its variables.
+        roots = reduced.event_nodes
+        behind = self._pool.variables_behind(roots, self._definitions) if roots else set()
+        used = [(v, node) for v, node in solution.definitions if v in behind]
+        below = self._pool.reachable([*roots, *(node for _, node in used)])
+        self._tables = frozenset(jumping_tables(self._pool, below, self._definitions))
+        for v, node in used:  # in the order of evaluation
+            self._variables[v] = self._of(node)
 
     def holds(self, node: int) -> bool:
         """Whether a condition is true between events whatever the values, as `~initial() | c` is."""
@@ -48,24 +58,12 @@ class BetweenEvents:
         """A part of a node that varies between events."""
         return self._of(node).varies
 
-    def _of(self, root: int, exempt: bool = False) -> _Node:
-        pool, known = self._pool, self._known
-        if (root, exempt) not in known:
-            behind = pool.variables_behind([root], self._definitions)
-            below = pool.reachable([root, *(self._definitions[v] for v in behind if v in self._definitions)])
-            self._tables.update(jumping_tables(pool, below, self._definitions))
-            for v in self._definitions:  # in the order of evaluation
-                if v in behind and v not in self._variables:
-                    self._below(self._definitions[v])
-                    self._variables[v] = known[self._definitions[v], False]
-            self._below(root)
-        return known[root, exempt]
-
-    def _below(self, root: int) -> None:
-        for n in self._pool.reachable([root]):
+    def _of(self, root: int) -> _Node:
+        for n in self._pool.reachable([root], self._seen):
             for exempt in (False, True):
-                if (n, exempt) not in self._known:
-                    self._known[n, exempt] = self._made(n, exempt)
+                self._known[n, exempt] = self._made(n, exempt)
+            self._seen[n] = True
+        return self._known[root, False]
 
     def _made(self, number: int, exempt: bool) -> _Node:
         op, *operands = self._pool.nodes[number]
@@ -102,10 +100,11 @@ class BetweenEvents:
             return _Node()
         if op == "var" and operands[0] in self._variables:
             return _Node(None if self._variables[operands[0]].varies is None else number)
-        if op == "var" and operands[0] in self._algebraic and not self._moves():
+        if op == "var" and operands[0] in self._algebraic and not self._moves:
             return _Node()
         return _Node(number)
 
+    @cached_property
     def _moves(self) -> bool:
         """Whether the equations of the algebraic variables contain anything that varies by itself."""
         pool = self._pool
