@@ -150,12 +150,11 @@ def linearize(
     notes = (*check(compiled, LINEAR, wanted), *of_run.notes)
     if t is None:
         t = compiled.flat.experiment.start_time if result is None else float(result.time[-1])
-    lasting = _lasting(compiled, result)
     values = {n: v for n, v in of_run.free.items() if not {n, n.partition("[")[0]} & given.keys()}
     p = parameter_vector(compiled, {**values, **(given if isinstance(model, CompiledModel) else {})})
     u = _inputs(compiled, t, p, result, inputs or {})
     _refuse_sliding(result, t)
-    start = _point(compiled, t, p, u, result, x or {}, lasting)
+    start = _point(compiled, t, p, u, result, x or {}, _lasting(compiled, result))
     coordinates = minimal(compiled, t, start, u, p, np.array(compiled.all_modes(t, start.x, start.z, u, p)).ravel())
     places = [k for k in coordinates.places if k < len(compiled.states) - compiled.discretes]
     names, point = [output.name for output in wanted], (start.x, start.z, u)

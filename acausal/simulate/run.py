@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 from acausal.arrays import Vector
 from acausal.errors import InitializationError, IntegrationError, RunError, UsageError
@@ -105,15 +105,14 @@ def simulate(
     recipe = _recipe(model, parameters)
     if recipe is not None and accuracy is None:
         opts = options(type(recipe.model).experiment, **given)
-        pieces = Pieces(recipe, opts, recipe.parameters, _piece(inputs, start, opts, force), progress)
-        return _with_remarks(pieces.result(), opts.notes)
+        joined = Pieces(recipe, opts, recipe.parameters, _piece(inputs, start, opts, force), progress).result()
+        return _with_remarks(joined, opts.notes)
     compiled = _compiled(model, parameters, outputs if recipe is None else None, is_fixed=recipe is None)
     compiled = with_starts(compiled, start) if start else compiled
     values = parameters if isinstance(model, CompiledModel) else None
     if accuracy is not None:
         rest = {"parameters": values, "inputs": inputs, "force": force}
-        accurate: Result = provided("simulated_to_accuracy")(compiled, accuracy, given, rest, progress)
-        return accurate
+        return cast(Result, provided("simulated_to_accuracy")(compiled, accuracy, given, rest, progress))
     opts = options(compiled.flat.experiment, **given)
     with _naming_infinite(compiled, values or {}):
         result = _result(compiled, opts, values or {}, inputs or {}, progress, force)

@@ -323,3 +323,24 @@ def test_a_path_that_is_demanded_exactly_is_not_violated_by_rounding() -> None:
     best = problem.solve()
     assert best.objective == pytest.approx(0.25, rel=1e-6)
     assert best.stats["notes"] == ()
+
+
+class Limited(Component):
+    """x grows at u; its declared limit is no constraint."""
+
+    x: Real = variable(default=fixed(0.0), max=0.5)
+    u: Real = signal_input(min=0.0, max=1.0)
+
+    def equations(self) -> Equations:
+        yield der(self.x) == self.u
+
+
+def test_a_solution_beyond_the_limits_of_a_variable_says_so() -> None:
+    """At u = 1, the greatest x(1) is 1."""
+    problem = Problem(Limited())
+    problem.phase(duration=1.0, intervals=4)
+    problem.minimize(-problem.end("x"))
+    best = problem.solve()
+    assert float(best.final("x")) == pytest.approx(1.0, abs=1e-5)
+    stats: Any = best.stats
+    assert [n for n in stats["notes"] if n.startswith("beyond limits: x (") and "max = 0.5" in n]

@@ -14,7 +14,6 @@ from acausal.analyse.blocks.solve import Solution
 from acausal.analyse.events.jumping_tables import jumping_tables
 from acausal.errors import DeclarationError
 from acausal.flatten.pool import LEAVES, RELATIONS
-from acausal.flatten.reduced import ReducedSystem
 from acausal.language.expressions.delay import Delayed
 
 _AT_INSTANTS = frozenset(("initial", "after_reset", "infinitesimal", "terminal", "sample"))
@@ -47,8 +46,8 @@ class BetweenEvents:
         used = [(v, node) for v, node in solution.definitions if v in behind]
         below = self._pool.reachable([*roots, *(node for _, node in used)])
         self._tables = frozenset(jumping_tables(self._pool, below, self._definitions))
-        for v, node in used:  # in the order of evaluation
-            self._variables[v] = self._of(node)
+        for v, _ in used:
+            self._variable(v)
 
     def holds(self, node: int) -> bool:
         """Whether a condition is true between events whatever the values, as `~initial() | c` is."""
@@ -64,6 +63,12 @@ class BetweenEvents:
                 self._known[n, exempt] = self._made(n, exempt)
             self._seen[n] = True
         return self._known[root, False]
+
+    def _variable(self, v: int) -> _Node:
+        if v not in self._variables:
+            self._variables[v] = _Node(self._definitions[v])  # varies, if its own past decides
+            self._variables[v] = self._of(self._definitions[v])
+        return self._variables[v]
 
     def _made(self, number: int, exempt: bool) -> _Node:
         op, *operands = self._pool.nodes[number]
@@ -98,8 +103,8 @@ class BetweenEvents:
             return _Node(number if self._of(self._reduced.delays[op.number][0]).varies is not None else None)
         if op == "var" and operands[0] in self._discrete:
             return _Node()
-        if op == "var" and operands[0] in self._variables:
-            return _Node(None if self._variables[operands[0]].varies is None else number)
+        if op == "var" and operands[0] in self._definitions:
+            return _Node(None if self._variable(operands[0]).varies is None else number)
         if op == "var" and operands[0] in self._algebraic and not self._moves:
             return _Node()
         return _Node(number)
@@ -149,11 +154,12 @@ class BetweenEvents:
         return done[root]
 
 
-def check_variability(reduced: ReducedSystem, between: BetweenEvents) -> None:
-    """Refuse discrete equations and conditions of `when` whose values vary between events.
+def checked_between_events(solution: Solution, discrete: frozenset[int]) -> BetweenEvents:
+    """What tells how nodes vary between events, once no discrete equation and no condition of a `when` does.
 
     Raises DeclarationError: AC146.
     """
+    reduced, between = solution.structure.reduced, BetweenEvents(solution, discrete)
     for equation, node in zip(reduced.flat.assignments, reduced.assignments, strict=True):
         part = between.varying(node)
         if part is not None:
@@ -177,3 +183,4 @@ def check_variability(reduced: ReducedSystem, between: BetweenEvents) -> None:
                 evidence=[str(when.source)],
                 help="remove no_event; or join it to an instant, edge(x > 0) & no_event(y > 0)",
             )
+    return between

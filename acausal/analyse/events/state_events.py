@@ -20,7 +20,7 @@ from acausal.analyse.domains.branches import guarded
 from acausal.analyse.domains.partial_relations import Existence, in_domains
 from acausal.analyse.domains.without_value import EXTREMA, WithoutValue
 from acausal.analyse.events.assertions import Assert, assertions
-from acausal.analyse.events.between_events import BetweenEvents, check_variability
+from acausal.analyse.events.between_events import checked_between_events
 from acausal.analyse.events.by_modes import by_modes
 from acausal.analyse.events.jumping_tables import jumping_tables, on_segment
 from acausal.analyse.events.located_kinks import LocatedKinks
@@ -117,9 +117,7 @@ def find_state_events(
     clauses = tuple(_clauses(reduced, states))
     assignments = tuple(_assignments(reduced, states))
     discrete = discrete_variables(reduced)
-    between = BetweenEvents(solution, discrete)
-    check_variability(reduced, between)
-    asserts = tuple(assertions(reduced, between))
+    asserts = tuple(assertions(reduced, checked_between_events(solution, discrete)))
     event_nodes = _event_nodes(solution, clauses, assignments, asserts, kinks_to_locate)
     equation_nodes = [*solution.residuals, *_definitions(solution, event_nodes)]
     definitions = dict(solution.definitions)
@@ -137,9 +135,7 @@ def find_state_events(
         return StateEvents(clauses=clauses, assignments=assignments, asserts=asserts)
     rewritten = dict(time_events.rewritten)
     moves = Moving(pool, discrete)
-    # Values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps.
-    values = {v for c in clauses for _, v in c.actions}
-    steps = set(_visible(pool, [*(n for n in event_nodes if n not in values), *equation_nodes]))
+    steps = _stepping(pool, clauses, event_nodes, equation_nodes)
     visible = _visible(pool, roots)
     visible = sorted({*visible, *_of_signs(pool, visible, rewritten, moves)})
     kinks = Kinks(pool, solution.definitions)
@@ -217,6 +213,15 @@ def _before_impulses(
         return set()
     discrete = [k for k, node in actions if pool.nodes[node][0] != IMPULSE] + [a.position for a in assignments]
     return {pool.make("pre", pool.var(states[k])) for k in discrete}
+
+
+def _stepping(pool: Pool, clauses: Iterable[Clause], event_nodes: list[int], equation_nodes: list[int]) -> set[int]:
+    """Nodes whose steps make events.
+
+    Values of a `when` are computed at its instants only: a sampled quantiser makes no event at each of its steps.
+    """
+    values = {v for c in clauses for _, v in c.actions}
+    return set(_visible(pool, [*(n for n in event_nodes if n not in values), *equation_nodes]))
 
 
 def discrete_variables(reduced: ReducedSystem) -> frozenset[int]:

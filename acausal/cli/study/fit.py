@@ -102,10 +102,8 @@ def fit(
         return
     _print(found)
     if not quiet:
-        # settings of free parameters were guesses
         kept = [text for text in settings or () if text.partition("=")[0].strip() not in found.names]
-        flags = {"--set": kept, "--input": inputs or (), "--start": start or ()}
-        _remark(found, [model, *(word for flag, texts in flags.items() for text in texts for word in (flag, text))])
+        _remark(found, model, {"--set": kept, "--input": inputs or (), "--start": start or ()})
         if picture is not None:
             remark(f"wrote {picture}")
 
@@ -148,12 +146,13 @@ def _content(found: Fit) -> dict[str, Any]:
     }
 
 
-def _remark(found: Fit, run: Sequence[str]) -> None:
-    """Print the notes, and the command of a run with the estimates, which begins with the arguments `run`."""
+def _remark(found: Fit, model: str, flags: Mapping[str, Sequence[str]]) -> None:
+    """Print the notes, and the command of a run of the model with these flags and the estimates."""
     for note in found.notes:
         remark(f"note: {note}")
-    found_values = [word for n, v in found.parameters.items() for word in ("--set", f"{n}={v:.9g}")]
-    remark(f"run it: acausal simulate {shlex.join([*run, *found_values])}")
+    words = [model, *(word for flag, texts in flags.items() for text in texts for word in (flag, text))]
+    words += [word for n, v in found.parameters.items() for word in ("--set", f"{n}={v:.9g}")]
+    remark(f"run it: acausal simulate {shlex.join(words)}")
 
 
 def _print(found: Fit) -> None:

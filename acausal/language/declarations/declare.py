@@ -124,7 +124,7 @@ def variable(
 ) -> Any:
     """An unknown of the model; in a connector, a potential: equal in all connected connectors.
 
-    Optimal control keeps it between `min` and `max`; a simulation that leaves them goes on and says so in a note.
+    `min` and `max` are no constraints: a run that leaves them goes on and says so in a note.
     """
     return _declare(Kind.VARIABLE, **locals())
 

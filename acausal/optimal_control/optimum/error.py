@@ -21,6 +21,7 @@ from acausal.optimal_control.program.polynomials import Basis
 from acausal.optimal_control.program.radau import Dynamics, Program
 from acausal.result.result import Result
 from acausal.simulate.record.meeting.branches import on_meeting
+from acausal.simulate.record.violations import on_limits
 
 _TOLERANCE = 1e-10
 # Instants closer to the end of an interval, as a fraction of it, are its end; and what is left out before the others,
@@ -149,7 +150,7 @@ class Replay:
 
     `drift` is its largest deviation from the solution, `increases` what each interval adds to it, shape (intervals,)
     for each phase, relative to the largest magnitudes of the states; infinite if the run fails. `notes` are on other
-    solutions.
+    solutions, and on limits of variables that the run leaves.
     """
 
     run: Result | None
@@ -184,7 +185,7 @@ def replayed(best: Optimum, intervals: Sequence[int]) -> Replay:
         reached = each[:, k, known[-1]] if len(known) else reached
         ends[k + 1] = reached
     increases = np.abs(np.diff(ends, axis=0)).max(axis=1, initial=0.0)
-    return Replay(run, worst, np.split(increases, np.cumsum(intervals)[:-1]), on_meeting(run))
+    return Replay(run, worst, np.split(increases, np.cumsum(intervals)[:-1]), (*on_meeting(run), *on_limits(run)))
 
 
 def _refuse_end(best: Optimum, run: Result) -> None:

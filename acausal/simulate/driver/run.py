@@ -225,19 +225,24 @@ class Run:
             self.timings["integrate"] = seconds() - began
         long = memory is None and self.independent is None and recorder.counters.get("steps", 0.0) >= MANY
         notes = self.rounding_notes(recorder, opts.stop_time) if long else ()
-        if opts.step is None:
-            unknown = unresolved(recorder, self.p, self.u, opts.tolerances)
-        else:
-            unknown = coarse_steps(self.problem, recorder, self.rows_again, opts.step)
-        meeting = crossed_branches(self.problem, recorder, self.rows_again, opts.step, self.solver.algebraic)
-        unknown = (*unknown, *(singular_positions(recorder) or meeting))
-        unknown = (*unknown, *undefined_relations(recorder, self.p, self.u), *broken)
+        unknown = (*self._doubts(recorder), *broken)
         for note in unknown:
             _log.warning("%s: %s", self.compiled.name, note)
         result = self.assembled(recorder, (*start.notes, *notes, *unknown, *corners(recorder)))
         if limit is not None:
             limit.check_run(recorder, result, self.equations_at)
         return result
+
+    def _doubts(self, recorder: Recorder) -> tuple[str, ...]:
+        """Notes on what the recorded rows do not resolve, or leave open."""
+        step = self.options.step
+        if step is None:
+            unknown = unresolved(recorder, self.p, self.u, self.options.tolerances)
+        else:
+            unknown = coarse_steps(self.problem, recorder, self.rows_again, step)
+        meeting = crossed_branches(self.problem, recorder, self.rows_again, step, self.solver.algebraic)
+        singular = singular_positions(recorder) or meeting
+        return (*unknown, *singular, *undefined_relations(recorder, self.p, self.u))
 
     def start(self) -> Result:
         """The start of the run as a result of one row, before any event there."""

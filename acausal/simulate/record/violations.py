@@ -1,6 +1,6 @@
 """What the rows of a run show to be violated, because no event does: assertions below `no_event`, and limits.
 
-The limits `min` and `max` of a variable bound optimal control. A simulation goes on beyond them, and a note says so.
+A run goes on beyond the limits `min` and `max` of a variable, and a note says so.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ from acausal.language.declarations.declaration import Kind
 from acausal.lower.build import Symbols
 from acausal.lower.compiled import CompiledModel
 from acausal.recent import once_per_owner
+from acausal.result.result import Result
 from acausal.simulate.equations.calls.buffered import NarrowFunction
 from acausal.simulate.events.errors import violated, warned
 from acausal.simulate.record.record import Recorder
 from acausal.simulate.solvers.segment import Tolerances
 
+_BEYOND = "beyond limits: "
 _TOLERANCES = 10.0
 """Errors of a run [tolerances] beyond a limit that are no violation."""
 
@@ -75,7 +77,14 @@ def _beyond(checked: _Checked, times: Vector, values: Vector, tolerances: Tolera
         row = int(np.argmax(is_beyond[:, k]))
         limit = f"min = {low[k]:g}" if values[row, k] < low[k] else f"max = {high[k]:g}"
         texts.append(f"{checked.names[k]} ({values[row, k]:.5g} at t = {times[row]:.9g} s, declared with {limit})")
-    return (f"beyond limits: {listed(texts, 4)}",) if texts else ()
+    return (_BEYOND + listed(texts, 4),) if texts else ()
+
+
+def on_limits(result: Result) -> tuple[str, ...]:
+    """The notes of a run on variables beyond their limits."""
+    notes = result.stats["notes"]
+    assert isinstance(notes, tuple)
+    return tuple(note for note in notes if note.startswith(_BEYOND))
 
 
 @once_per_owner

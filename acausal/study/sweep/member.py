@@ -11,17 +11,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any, cast
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from acausal.arrays import Vector
 from acausal.errors import AcausalError, InternalError, UsageError
 from acausal.language.component import Component
+from acausal.lower.compile import compile as compile_model
 from acausal.lower.compiled import CompiledModel
 from acausal.result.result import Result
 from acausal.simulate.native.policy import expect
 from acausal.simulate.run import simulate
-from acausal.study.sweep.identity import referenced
+from acausal.study.sweep.identity import fingerprint, referenced
 
 # A row is that of an output time if they differ by less than this fraction of the run, since an event takes the place
 # of a row beside it, or of the largest time, by rounding.
@@ -108,11 +110,14 @@ def as_acausal_error(error: Exception) -> AcausalError:
 def run_task(task: Task, values: Sequence[float]) -> Result:
     """Result of a member, equal to `simulate` of the component with these parameters."""
     own = dict(zip(task.names, values, strict=True))
+    if task.model.recipe is not None:  # compiled from its classes again wherever its structure changes
+        _compare(task)
     try:
         return simulate(task.model, parameters=own, **task.options)
     except AcausalError as error:
         if error.code not in OTHER_STRUCTURE or task.component is None:
             raise
+    _compare(task)
     return simulate(task.component, parameters={**task.parameters, **own}, **task.options)
 
 
@@ -126,6 +131,21 @@ def stored_values(task: Task, result: Result) -> tuple[Vector, Vector]:
     return values[-1].copy(), np.where(on_grid[:, None], values[row], np.nan)
 
 
+def _compare(task: Task) -> None:
+    """Refuse classes that do not make the model which another process has sent: AC064."""
+    sent, recipe = _SENT.get(task), task.model.recipe
+    if sent is None:
+        return
+    model, parameters = (task.component, task.parameters) if recipe is None else (recipe.model, recipe.parameters)
+    assert model is not None, "a model without its component is compiled once"
+    if fingerprint(compile_model(model, parameters=parameters)) != sent:
+        raise UsageError("AC064", _OTHER_VERSION.format(task.model.name), help="restart the workers")
+    del _SENT[task]
+
+
+_OTHER_VERSION = "a worker has imported classes of another version of {}"
+# The models of tasks from other processes, by their fingerprints there, until they are compared.
+_SENT: WeakKeyDictionary[Task, str] = WeakKeyDictionary()
 # Tasks by key and thread: compiled models have work memory that threads must not share.
 _TASKS: dict[tuple[str, int], Task] = {}
 _MOST_TASKS = 32
@@ -150,13 +170,14 @@ def unpickled(pickled: bytes) -> Task:
     Raises pickle.UnpicklingError: for any error, with its message.
     """
     try:
-        files, classes, content = pickle.loads(pickled)
+        files, classes, model, content = pickle.loads(pickled)
         # a worker may outlive a model: another folder may have a file of its name, or the file has been edited
         if files and getattr(sys.modules.get(files[0][0]), SENT, None) != files:
             _execute(files)
         task = cast(Task, pickle.loads(content))
         if referenced(task.model) != classes:
-            raise ImportError(f"it has imported classes of another version of {task.model.name}")
+            raise ImportError(_OTHER_VERSION.format(task.model.name))
+        _SENT[task] = model
         return task
     except Exception as error:
         raise pickle.UnpicklingError(f"{type(error).__name__}: {error}") from error

@@ -121,8 +121,8 @@ def sweep(
     names, values = design(vary, sample, seed)
     parameters = given_values(parameters)
     _check(names, parameters, workers)
-    compiled, component = _compiled(model, parameters, names, values)
-    task, kept = _task(compiled, component, parameters, names, signals, dict(options), values)
+    compiled, component, whole = _compiled(model, parameters, names, values)
+    task, kept = _task(compiled, component, whole, names, signals, dict(options), values)
     setting = {"parameters": as_text(parameters)}
     if file is not None:
         setting["options"] = as_text({k: v for k, v in options.items() if k != "inputs"})
@@ -204,22 +204,23 @@ class _Count:
 
 def _compiled(
     model: Component | CompiledModel, parameters: dict[str, Any], names: tuple[str, ...], values: Vector
-) -> tuple[CompiledModel, Component | None]:
-    """(Compiled model with the varied parameters free, the component from which it was compiled or None)."""
+) -> tuple[CompiledModel, Component | None, dict[str, Any]]:
+    """(Model with free varied parameters, the component from which it was compiled or None, with what parameters)."""
     if isinstance(model, CompiledModel):
         if parameters:
             raise UsageError(
                 "AC060", "a compiled model already has its parameters", help="pass them to compile, or vary them"
             )
         _check_names(model, names, values)
-        return model, None
+        return model, None, parameters
     compiled = compile(model, parameters=parameters)
     declared = {f.path: f for f in compiled.flat.parameters}
     first = dict(zip(names, values[0].tolist(), strict=True))
     # a varied value replaces a binding to other parameters, as simulate(component, parameters=...) does
     bound = {name: first[name] for name in names if name in declared and not declared[name].free}
     if bound:
-        compiled = compile(model, parameters={**parameters, **bound})
+        parameters = {**parameters, **bound}
+        compiled = compile(model, parameters=parameters)
     for name in names:
         declaration = type(model)._declarations.get(name)
         if declaration is not None and name not in declared and name not in compiled.parameters:
@@ -234,7 +235,7 @@ def _compiled(
                 else "to vary a start value, declare a parameter, and set the variable to fixed() of it in build",
             )
     _check_names(compiled, names, values)
-    return compiled, model
+    return compiled, model, parameters
 
 
 def _check_names(compiled: CompiledModel, names: tuple[str, ...], values: Vector) -> None:

@@ -33,7 +33,7 @@ from typing import Any, Protocol
 
 from acausal.errors import RunError, UsageError
 from acausal.language.component import Component
-from acausal.study.sweep.identity import referenced
+from acausal.study.sweep.identity import fingerprint, referenced
 from acausal.study.sweep.member import SENT, Outcome, Task, failed, forget, remember, run_chunk
 
 Member = tuple[int, tuple[float, ...]]
@@ -160,7 +160,7 @@ def pickled(task: Task) -> bytes:
 
     Raises UsageError: AC064 if something in the model cannot be pickled.
     """
-    return pickle.dumps((_source_files(task.component), referenced(task.model), _dumps(task)))
+    return pickle.dumps((_source_files(task.component), referenced(task.model), fingerprint(task.model), _dumps(task)))
 
 
 def _dumps(task: Task) -> bytes:

@@ -542,6 +542,22 @@ def test_a_worker_with_another_version_of_the_classes_is_refused(monkeypatch: py
         members.unpickled(sent)
 
 
+def test_a_worker_compiles_from_no_other_version_of_the_equations(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A delay of zero needs another structure: y(1) is x(1) = 1, and with the worker's equations it would be 2."""
+    late = Late()
+    task = members.Task(acausal.compile(late), late, {}, ("T",), np.array([0.0, 1.0]), ("y",), {"stop_time": 1.0})
+    sent = workers.pickled(task)
+    assert members.run_member(members.unpickled(sent), 0, [0.0]).final[0] == pytest.approx(1.0)
+
+    def others(self: Late) -> Equations:
+        yield der(self.x) == 1.0
+        yield self.y == 2.0 * delay(self.x, self.T)
+
+    monkeypatch.setattr(Late, "equations", others)
+    assert members.run_member(members.unpickled(sent), 0, [0.0]).code == "AC064"
+    assert members.run_member(members.unpickled(sent), 0, [0.25]).final[0] == pytest.approx(0.75)  # as it was sent
+
+
 def test_a_worker_that_cannot_load_the_model_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "pickled", lambda task: b"no pickle")
     with ThreadPoolExecutor(1) as pool, pytest.raises(UsageError, match="AC064"):
